@@ -1,0 +1,156 @@
+//! Physics behind one trait over batches of worlds.
+//!
+//! An [`Engine`] steps `worlds()` copies of one robot on flat ground. It knows gravity, joints, contacts and a
+//! drive per degree of freedom that is constant over one physics step; everything an actuator or a sensor does
+//! beyond that is written once, outside. Arrays over joints are structures of arrays:
+//! entry `d * worlds + w` is degree of freedom `d` of world `w`.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::robot::{Inertial, Passive};
+
+/// Friction between sole and ground (thesis 7.4).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Friction {
+    /// Tangential coefficient.
+    pub tangential: f64,
+    /// Torsional coefficient about the contact normal, m.
+    pub torsional: f64,
+    /// Rolling coefficient about the contact tangents, m.
+    pub rolling: f64,
+}
+
+/// The physical parameters of one world for one episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct World {
+    /// Sole-ground friction.
+    pub friction: Friction,
+    /// Gravity in the world frame, m/s^2 (tilted for a slope).
+    pub gravity: Vector3<f64>,
+    /// Mass properties of every link, in the order of `Robot::links`.
+    pub links: Vec<Inertial>,
+    /// Passive dynamics of every joint, in the order of `Robot::joints`. `friction` here is not used: dry friction is in the [`Drive`].
+    pub joints: Vec<Passive>,
+}
+
+/// Where a world starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// Position of the base link's frame in the world, m. Ignored for a fixed base.
+    pub position: Vector3<f64>,
+    /// Orientation of the base link in the world. Ignored for a fixed base.
+    pub orientation: UnitQuaternion<f64>,
+    /// Linear velocity of the base link's origin in the world frame, m/s. Ignored for a fixed base.
+    pub linear_velocity: Vector3<f64>,
+    /// Angular velocity of the base in the world frame, rad/s. Ignored for a fixed base.
+    pub angular_velocity: Vector3<f64>,
+    /// Positions of the degrees of freedom, rad or m.
+    pub joints: Vec<f64>,
+    /// Velocities of the degrees of freedom, rad/s or m/s.
+    pub joint_velocities: Vec<f64>,
+}
+
+/// What acts at the joints during one physics step: an implicit spring-damper with a clamp, a feed-forward
+/// torque and dry friction.
+///
+/// `torque = clamp(stiffness (target - q') - damping dq' + feed_forward, torque_min, torque_max)` with q', dq'
+/// at the end of the step (implicit), and a dry friction of at most `friction` that opposes motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drive {
+    /// Target positions, rad or m.
+    pub target: Vec<f64>,
+    /// Position gains, N m/rad or N/m.
+    pub stiffness: Vec<f64>,
+    /// Velocity gains, N m s/rad or N s/m.
+    pub damping: Vec<f64>,
+    /// Torque added before the clamp, N m or N.
+    pub feed_forward: Vec<f64>,
+    /// Lower clamp, N m or N.
+    pub torque_min: Vec<f64>,
+    /// Upper clamp, N m or N.
+    pub torque_max: Vec<f64>,
+    /// Dry friction, N m or N, not negative.
+    pub friction: Vec<f64>,
+}
+
+impl Drive {
+    /// A drive without any torque for `dofs` degrees of freedom in `worlds` worlds.
+    pub fn idle(dofs: usize, worlds: usize) -> Self {
+        let zeros = || vec![0.0; dofs * worlds];
+        Self {
+            target: zeros(),
+            stiffness: zeros(),
+            damping: zeros(),
+            feed_forward: zeros(),
+            torque_min: zeros(),
+            torque_max: zeros(),
+            friction: zeros(),
+        }
+    }
+}
+
+/// Joint state after the last step, structures of arrays.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointState {
+    /// Positions, rad or m.
+    pub position: Vec<f64>,
+    /// Velocities, rad/s or m/s.
+    pub velocity: Vec<f64>,
+    /// Torque the drive applied in the last step (after the clamp, without dry friction), N m or N.
+    pub torque: Vec<f64>,
+}
+
+/// State of a world's base after the last step, world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseState {
+    /// Position of the base link's frame, m.
+    pub position: Vector3<f64>,
+    /// Orientation of the base link.
+    pub orientation: UnitQuaternion<f64>,
+    /// Velocity of the base link's origin, m/s.
+    pub linear_velocity: Vector3<f64>,
+    /// Angular velocity, rad/s.
+    pub angular_velocity: Vector3<f64>,
+}
+
+/// A batch of worlds of one robot.
+///
+/// An engine is deterministic: the same calls give the same bits, and a world's trajectory does not depend on
+/// the other worlds of the batch. A world that has gone non-finite stays in its lane: it is reported by
+/// [`Engine::is_finite`] until it is reset and never disturbs the others.
+pub trait Engine: Send {
+    /// Number of worlds in the batch.
+    fn worlds(&self) -> usize;
+
+    /// Starts a new episode in `world` at `start` with the parameters `model`; pushes are cleared and nothing of the
+    /// world's past remains.
+    fn reset(&mut self, world: usize, start: &Start, model: &World);
+
+    /// Advances every world by one physics step under `drive`.
+    fn step(&mut self, drive: &Drive);
+
+    /// Joint positions, velocities and torques after the last step or reset.
+    fn joints(&self) -> &JointState;
+
+    /// Base state of `world` after the last step or reset; the fixed pose at rest for a fixed base.
+    fn base(&self, world: usize) -> BaseState;
+
+    /// Ground force on foot `foot` of `world` averaged over the last physics step, world frame, N.
+    fn foot_force(&self, world: usize, foot: usize) -> Vector3<f64>;
+
+    /// Sets the external force on the base link's origin, world frame, N; it acts until it is set again or the world is reset.
+    fn push(&mut self, world: usize, force: Vector3<f64>);
+
+    /// False once any coordinate or velocity of `world` is not finite (or beyond all physical bounds).
+    fn is_finite(&self, world: usize) -> bool;
+
+    /// Appends everything that determines the future of `world` (state, parameters, warm starts) to `bytes`.
+    fn save(&self, world: usize, bytes: &mut Vec<u8>);
+
+    /// Restores what [`Engine::save`] wrote, so that the world goes on with the same bits.
+    ///
+    /// # Errors
+    /// A message when the bytes are not from this engine and robot.
+    fn load(&mut self, world: usize, bytes: &[u8]) -> Result<(), String>;
+}
