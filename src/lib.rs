@@ -1,0 +1,3 @@
+//! The parts the command line is made of: configuration, the run folder, logs and what `inspect` says of a file.
+
+pub mod config;
