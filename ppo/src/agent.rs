@@ -1,0 +1,349 @@
+//! The agent: acts, judges, learns.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::{
+    config::{Config, InvalidConfig},
+    distribution::Head,
+    elementwise::Activation,
+    network::{Network, Pass, Tile},
+    normaliser::Normaliser,
+    rollout::{Mirror, Rollout},
+    update::{Learned, Learner, UpdateStats},
+};
+
+/// Most rows of a chunk when acting: small, so that a few environments already keep two cores busy.
+const ROWS: usize = 32;
+
+/// Actor and critic, their optimiser, the observation normaliser and all buffers. Work is shared out in the current
+/// rayon pool; its number of threads does not change any bit of the results.
+pub struct Agent {
+    pub(crate) config: Config,
+    pub(crate) actor: Network,
+    pub(crate) critic: Network,
+    pub(crate) normaliser: Normaliser,
+    pub(crate) learning_rate: f64,
+    pub(crate) steps: u64,
+    learner: Learner,
+    actor_passes: Vec<Pass>,
+    critic_passes: Vec<Pass>,
+}
+
+/// A layer of the policy network: `y = activation(weights x + bias)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Length of x.
+    pub inputs: usize,
+    /// Length of y.
+    pub outputs: usize,
+    /// Row-major, `outputs x inputs`.
+    pub weights: Vec<f32>,
+    /// `outputs`.
+    pub bias: Vec<f32>,
+}
+
+/// All that is needed to compute the policy's action from an observation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Policy {
+    /// Mean that is subtracted from an observation.
+    pub mean: Vec<f32>,
+    /// Standard deviation that the difference is divided by.
+    pub deviation: Vec<f32>,
+    /// The quotient is clamped to this magnitude.
+    pub clip: f32,
+    /// The actor's layers; the last has no activation, and its outputs are the first parameter of each action
+    /// dimension, then the second of each.
+    pub layers: Vec<Layer>,
+    /// Activation of all layers but the last.
+    pub activation: Activation,
+    /// What the outputs mean.
+    pub head: Head,
+}
+
+impl Agent {
+    /// A new agent with random weights; the policy starts close to the same broad distribution everywhere.
+    ///
+    /// # Errors
+    /// If the configuration is not valid or a length is zero.
+    pub fn new(config: Config, observation_len: usize, action_len: usize, seed: u64) -> Result<Self, InvalidConfig> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let (hidden, activation) = (&config.hidden, config.activation);
+        config.validate()?;
+        check_lengths(observation_len, action_len)?;
+        let actor = Network::orthogonal(observation_len, hidden, 2 * action_len, activation, 0.01, &mut random);
+        let critic = Network::orthogonal(observation_len, hidden, 1, activation, 1.0, &mut random);
+        Ok(Self::with_networks(config, actor, critic))
+    }
+
+    /// An agent with zero weights, to be filled from a saved state.
+    pub(crate) fn zeroed(config: Config, observation_len: usize, action_len: usize) -> Result<Self, InvalidConfig> {
+        config.validate()?;
+        check_lengths(observation_len, action_len)?;
+        let actor = Network::zeroed(observation_len, &config.hidden, 2 * action_len, config.activation);
+        let critic = Network::zeroed(observation_len, &config.hidden, 1, config.activation);
+        Ok(Self::with_networks(config, actor, critic))
+    }
+
+    fn with_networks(config: Config, actor: Network, critic: Network) -> Self {
+        Self {
+            normaliser: Normaliser::new(actor.widths[0], config.normalise_observations, config.observation_clip),
+            learning_rate: config.learning_rate,
+            steps: 0,
+            learner: Learner::new(&actor, &critic),
+            actor_passes: Vec::new(),
+            critic_passes: Vec::new(),
+            config,
+            actor,
+            critic,
+        }
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Length of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.actor.widths[0]
+    }
+
+    /// Length of an action.
+    pub fn action_len(&self) -> usize {
+        self.actor.outputs() / 2
+    }
+
+    /// The learning rate of the next step.
+    pub fn learning_rate(&self) -> f64 {
+        self.learning_rate
+    }
+
+    /// Samples an action for each observation and judges it. Row `i` depends on its observation and `keys[i]` alone.
+    ///
+    /// `observations` is `rows x observation length`, not normalised; `actions` `rows x action length`: in (0, 1) for a
+    /// Beta policy, unbounded with [0, 1] as the nominal range for a Gaussian one, not a number where the observation
+    /// is not; `values` `rows`.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn act(&mut self, observations: &[f32], keys: &[u64], actions: &mut [f32], values: &mut [f32]) {
+        assert_eq!(
+            keys.len() * self.observation_len(),
+            observations.len(),
+            "one key for each observation"
+        );
+        let (head, width) = (self.config.policy, self.action_len());
+        let Self {
+            actor,
+            critic,
+            normaliser,
+            actor_passes,
+            critic_passes,
+            ..
+        } = self;
+        rayon::join(
+            || {
+                infer(
+                    actor,
+                    normaliser,
+                    actor_passes,
+                    observations,
+                    actions,
+                    width,
+                    |row, outputs, action| {
+                        let mut random = ChaCha8Rng::seed_from_u64(keys[row]);
+                        for (i, action) in action.iter_mut().enumerate() {
+                            *action = head.sample(outputs[i], outputs[width + i], &mut random);
+                        }
+                    },
+                );
+            },
+            || {
+                infer(
+                    critic,
+                    normaliser,
+                    critic_passes,
+                    observations,
+                    values,
+                    1,
+                    |_, outputs, value| value[0] = outputs[0],
+                )
+            },
+        );
+    }
+
+    /// The most likely action for each observation.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn mode(&mut self, observations: &[f32], actions: &mut [f32]) {
+        let (head, width) = (self.config.policy, self.action_len());
+        let passes = &mut self.actor_passes;
+        infer(
+            &self.actor,
+            &self.normaliser,
+            passes,
+            observations,
+            actions,
+            width,
+            |_, outputs, action| {
+                for (i, action) in action.iter_mut().enumerate() {
+                    *action = head.mode(outputs[i], outputs[width + i]);
+                }
+            },
+        );
+    }
+
+    /// The value of each observation: the expected discounted return from it.
+    ///
+    /// # Panics
+    /// If the lengths do not fit.
+    pub fn values(&mut self, observations: &[f32], values: &mut [f32]) {
+        let passes = &mut self.critic_passes;
+        infer(
+            &self.critic,
+            &self.normaliser,
+            passes,
+            observations,
+            values,
+            1,
+            |_, outputs, value| {
+                value[0] = outputs[0];
+            },
+        );
+    }
+
+    /// Learns from a rollout that this agent collected since the last update, and its mirror image if there is one.
+    ///
+    /// Observations are normalised as they were when the agent acted; then their statistics join the normaliser. `key`
+    /// orders the minibatches. A minibatch with a loss or gradient that is not finite is left out, a rollout with
+    /// anything that is not finite is left out altogether.
+    ///
+    /// # Panics
+    /// If the rollout's or the mirror's lengths do not fit.
+    pub fn update(&mut self, rollout: &Rollout, mirror: Option<&Mirror>, key: u64) -> UpdateStats {
+        let (observation_len, action_len) = (self.observation_len(), self.action_len());
+        assert!(
+            rollout.fits(observation_len, action_len),
+            "the rollout's lengths fit the agent"
+        );
+        assert!(
+            mirror.is_none_or(|mirror| mirror.fits(observation_len, action_len)),
+            "the mirror fits the agent"
+        );
+        let (learner, mut learned) = self.split();
+        learner.update(&mut learned, rollout, mirror, key)
+    }
+
+    /// The buffers and what they change.
+    pub(crate) fn split(&mut self) -> (&mut Learner, Learned<'_>) {
+        let Self {
+            config,
+            actor,
+            critic,
+            normaliser,
+            learning_rate,
+            steps,
+            learner,
+            ..
+        } = self;
+        (
+            learner,
+            Learned {
+                config,
+                actor,
+                critic,
+                normaliser,
+                learning_rate,
+                steps,
+            },
+        )
+    }
+
+    /// The policy as plain numbers.
+    pub fn policy(&self) -> Policy {
+        let (mean, deviation) = self.normaliser.applied();
+        let layer = |tiles: &[Tile]| Layer {
+            inputs: tiles[0].inputs,
+            outputs: tiles.iter().map(|tile| tile.outputs).sum(),
+            weights: tiles.iter().flat_map(Tile::weights).copied().collect(),
+            bias: tiles.iter().flat_map(Tile::bias).copied().collect(),
+        };
+        Policy {
+            mean: mean.to_vec(),
+            deviation: deviation.to_vec(),
+            clip: self.normaliser.clip,
+            layers: self
+                .actor
+                .layers
+                .iter()
+                .map(|range| layer(&self.actor.tiles[range.clone()]))
+                .collect(),
+            activation: self.config.activation,
+            head: self.config.policy,
+        }
+    }
+}
+
+fn check_lengths(observation_len: usize, action_len: usize) -> Result<(), InvalidConfig> {
+    let check = |key, len: usize| {
+        if (1..=1 << 14).contains(&len) {
+            Ok(())
+        } else {
+            Err(InvalidConfig {
+                key,
+                message: "1 to 16384".to_owned(),
+            })
+        }
+    };
+    check("observation length", observation_len)?;
+    check("action length", action_len)
+}
+
+/// Passes observations through a network in chunks and hands each row of outputs to `finish`, with the row's index and
+/// its part of `results`.
+fn infer(
+    network: &Network,
+    normaliser: &Normaliser,
+    passes: &mut Vec<Pass>,
+    observations: &[f32],
+    results: &mut [f32],
+    width: usize,
+    finish: impl Fn(usize, &[f32], &mut [f32]) + Sync,
+) {
+    let len = network.widths[0];
+    let rows = observations.len() / len;
+    assert!(
+        rows * len == observations.len() && rows * width == results.len(),
+        "rows of observations and results"
+    );
+    while passes.len() * ROWS < rows {
+        passes.push(Pass::new(network, ROWS, false));
+    }
+    let chunks = observations
+        .par_chunks(len * ROWS)
+        .zip(results.par_chunks_mut(width * ROWS));
+    passes
+        .par_iter_mut()
+        .zip(chunks)
+        .enumerate()
+        .with_max_len(1)
+        .for_each(|(index, (pass, (from, to)))| {
+            pass.rows = from.len() / len;
+            for (row, from) in from.chunks_exact(len).enumerate() {
+                normaliser.apply(from, pass.input_mut(row, len));
+            }
+            network.forward(pass);
+            let outputs = pass.outputs();
+            for (row, (outputs, to)) in outputs
+                .data
+                .chunks(outputs.stride)
+                .zip(to.chunks_exact_mut(width))
+                .enumerate()
+            {
+                finish(index * ROWS + row, outputs, to);
+            }
+        });
+}

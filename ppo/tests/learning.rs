@@ -1,0 +1,48 @@
+//! It learns: points on a plane are brought to the origin.
+
+mod support;
+
+use omniwalk_ppo::{Agent, Config, Head, Mirror};
+use support::{Points, config};
+
+/// Mean reward of the first rollout, and of the last three of `updates`.
+fn learn(config: Config, mirror: Option<&Mirror>, updates: u64) -> (f32, f32) {
+    let mut agent = Agent::new(config, 4, 2, 1).unwrap();
+    let mut points = Points::new(32, 40);
+    let rewards: Vec<f32> = (0..updates)
+        .map(|key| {
+            let (reward, stats) = points.iterate(&mut agent, mirror, key);
+            if std::env::var_os("SHOW").is_some() {
+                println!("{reward:.3} {stats:.4?}");
+            }
+            assert_eq!(stats.skipped, 0);
+            reward
+        })
+        .collect();
+    (rewards[0], rewards[rewards.len() - 3..].iter().sum::<f32>() / 3.0)
+}
+
+#[test]
+fn a_beta_policy_brings_the_points_to_the_origin() {
+    let (first, last) = learn(config(), None, 60);
+    assert!(last > first / 3.0, "mean distance from {} to {}", -first, -last);
+}
+
+#[test]
+fn a_gaussian_policy_brings_the_points_to_the_origin() {
+    let (first, last) = learn(
+        Config {
+            policy: Head::Gaussian,
+            ..config()
+        },
+        None,
+        60,
+    );
+    assert!(last > first / 3.0, "mean distance from {} to {}", -first, -last);
+}
+
+#[test]
+fn mirror_images_speed_learning_up_under_an_adaptive_rate() {
+    let (first, last) = learn(config(), Some(&Points::mirror()), 40);
+    assert!(last > first / 3.0, "mean distance from {} to {}", -first, -last);
+}
