@@ -1,0 +1,289 @@
+//! `metrics.csv`: one row an update, the first column the step.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use super::atomic::write_atomic;
+
+/// Longest row that is read, bytes.
+const MAX_ROW_BYTES: u64 = 1 << 16;
+
+/// Why `metrics.csv` cannot be written or read.
+#[derive(Debug, Error, Diagnostic)]
+pub enum MetricsError {
+    /// The file system said no.
+    #[error("cannot use {}: {source}", .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file has other columns than this run writes.
+    #[error("{} has other columns than this run writes", .path.display())]
+    #[diagnostic(help(
+        "it was written by another version of omniwalk: start a new run, `--from` this one if you like"
+    ))]
+    OtherColumns {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A row is not numbers, or not as many as there are columns.
+    #[error("{}:{line}: {why}", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        why: String,
+    },
+}
+
+/// Writes `metrics.csv` row by row.
+#[derive(Debug)]
+pub struct MetricsWriter {
+    file: File,
+    path: PathBuf,
+    columns: usize,
+    row: String,
+}
+
+impl MetricsWriter {
+    /// Starts a new file at `path` with the column `step` and then `columns`.
+    ///
+    /// # Errors
+    /// [`MetricsError::Io`], also when the file is already there.
+    pub fn create(path: &Path, columns: &[&str]) -> Result<Self, MetricsError> {
+        let file = OpenOptions::new().write(true).create_new(true).open(path);
+        let mut writer = Self::over(path, file, columns)?;
+        writer.row = header(columns);
+        writer.flush_row()?;
+        Ok(writer)
+    }
+
+    /// Goes on with the file at `path` after a stop: rows after `step`, and a last row that was cut off, go.
+    /// Starts a new file if there is none.
+    ///
+    /// # Errors
+    /// [`MetricsError::OtherColumns`], or [`MetricsError::Io`].
+    pub fn resume(path: &Path, columns: &[&str], step: u64) -> Result<Self, MetricsError> {
+        if !path.exists() {
+            return Self::create(path, columns);
+        }
+        let io = |source| MetricsError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let text = fs::read_to_string(path).map_err(io)?;
+        let header = header(columns);
+        let rows = text
+            .strip_prefix(&header)
+            .ok_or_else(|| MetricsError::OtherColumns { path: path.to_owned() })?;
+        let stays = |row: &&str| {
+            let cells = row.split(',').count() == columns.len() + 1;
+            cells && row.ends_with('\n') && step_of(row).is_some_and(|row_step| row_step <= step)
+        };
+        let kept: String = rows.split_inclusive('\n').filter(stays).collect();
+        write_atomic(path, (header + &kept).as_bytes()).map_err(io)?;
+        Self::over(path, OpenOptions::new().append(true).open(path), columns)
+    }
+
+    /// Appends the row of `step`: one value per column. What was not measured is NaN and leaves its cell empty.
+    ///
+    /// # Errors
+    /// [`MetricsError::Io`].
+    ///
+    /// # Panics
+    /// When there are not as many values as columns: that is a mistake of the caller, not of an input.
+    pub fn append(&mut self, step: u64, values: &[f64]) -> Result<(), MetricsError> {
+        use std::fmt::Write;
+        assert_eq!(values.len(), self.columns, "a row has one value per column");
+        self.row.clear();
+        // Writing to a string does not fail.
+        let _ = write!(self.row, "{step}");
+        for value in values {
+            let _ = if value.is_nan() {
+                write!(self.row, ",")
+            } else {
+                write!(self.row, ",{value}")
+            };
+        }
+        self.row.push('\n');
+        self.flush_row()
+    }
+
+    fn over(path: &Path, file: io::Result<File>, columns: &[&str]) -> Result<Self, MetricsError> {
+        let file = file.map_err(|source| MetricsError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        Ok(Self {
+            file,
+            path: path.to_owned(),
+            columns: columns.len(),
+            row: String::new(),
+        })
+    }
+
+    /// One write a row, so that whoever follows the file sees whole rows.
+    fn flush_row(&mut self) -> Result<(), MetricsError> {
+        let written = self.file.write_all(self.row.as_bytes());
+        written.map_err(|source| MetricsError::Io {
+            path: self.path.clone(),
+            source,
+        })
+    }
+}
+
+fn header(columns: &[&str]) -> String {
+    format!("step,{}\n", columns.join(","))
+}
+
+fn step_of(row: &str) -> Option<u64> {
+    row.split(',').next()?.trim_end().parse().ok()
+}
+
+/// What is in a `metrics.csv`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Metrics {
+    /// Names of the columns after `step`.
+    pub columns: Vec<String>,
+    /// Number of rows.
+    pub rows: usize,
+    /// Step and values of the last row; NaN where a cell is empty.
+    pub last: Option<(u64, Vec<f64>)>,
+}
+
+impl Metrics {
+    /// Reads the file at `path` row by row.
+    ///
+    /// # Errors
+    /// [`MetricsError::Io`], or [`MetricsError::Damaged`] for what is not the file of a run.
+    pub fn read(path: &Path) -> Result<Self, MetricsError> {
+        let io = |source| MetricsError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let mut file = BufReader::new(File::open(path).map_err(io)?);
+        let mut metrics = Self::default();
+        let mut row = Vec::new();
+        for line in 1.. {
+            row.clear();
+            if io::Read::take(&mut file, MAX_ROW_BYTES)
+                .read_until(b'\n', &mut row)
+                .map_err(io)?
+                == 0
+            {
+                break;
+            }
+            let damaged = |why: &str| MetricsError::Damaged {
+                path: path.to_owned(),
+                line,
+                why: why.to_owned(),
+            };
+            let text = std::str::from_utf8(&row).map_err(|_| damaged("this is not text"))?;
+            let text = text.strip_suffix('\n').ok_or_else(|| damaged("this row is cut off"))?;
+            metrics.take(line, text).map_err(damaged)?;
+        }
+        match metrics.columns.is_empty() {
+            true => Err(MetricsError::Damaged {
+                path: path.to_owned(),
+                line: 1,
+                why: "there is no header".to_owned(),
+            }),
+            false => Ok(metrics),
+        }
+    }
+
+    fn take(&mut self, line: usize, row: &str) -> Result<(), &'static str> {
+        let mut cells = row.split(',');
+        let first = cells.next().unwrap_or_default();
+        if line == 1 {
+            self.columns = cells.map(str::to_owned).collect();
+            return if first == "step" {
+                Ok(())
+            } else {
+                Err("the first column of a run's metrics is `step`")
+            };
+        }
+        let step = first.parse().map_err(|_| "the step is not a whole number")?;
+        let value = |cell: &str| if cell.is_empty() { Ok(f64::NAN) } else { cell.parse() };
+        let values: Vec<f64> = cells
+            .map(value)
+            .collect::<Result<_, _>>()
+            .map_err(|_| "a cell is not a number")?;
+        if values.len() != self.columns.len() {
+            return Err("this row has another number of cells than the header");
+        }
+        self.rows += 1;
+        self.last = Some((step, values));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_resumed_file_equals_an_uninterrupted_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (a, b) = (folder.path().join("a.csv"), folder.path().join("b.csv"));
+        let write = |writer: &mut MetricsWriter, steps: std::ops::RangeInclusive<u64>| {
+            steps.for_each(|step| writer.append(step * 100, &[step as f64 / 3.0, f64::NAN]).unwrap());
+        };
+        write(&mut MetricsWriter::create(&a, &["return", "gait"]).unwrap(), 1..=6);
+        write(&mut MetricsWriter::create(&b, &["return", "gait"]).unwrap(), 1..=5);
+        fs::OpenOptions::new()
+            .append(true)
+            .open(&b)
+            .unwrap()
+            .write_all(b"600,0.1")
+            .unwrap();
+        write(&mut MetricsWriter::resume(&b, &["return", "gait"], 300).unwrap(), 4..=6);
+        assert_eq!(fs::read_to_string(&a).unwrap(), fs::read_to_string(&b).unwrap());
+        let metrics = Metrics::read(&b).unwrap();
+        assert_eq!(
+            (metrics.rows, metrics.columns),
+            (6, vec!["return".to_owned(), "gait".to_owned()])
+        );
+        let (step, values) = metrics.last.unwrap();
+        assert_eq!((step, values[0]), (600, 2.0));
+        assert!(values[1].is_nan());
+    }
+
+    #[test]
+    fn other_columns_are_not_appended_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.csv");
+        MetricsWriter::create(&path, &["return"]).unwrap();
+        assert!(matches!(
+            MetricsWriter::create(&path, &["return"]),
+            Err(MetricsError::Io { .. })
+        ));
+        let other = MetricsWriter::resume(&path, &["return", "falls"], 0);
+        assert!(matches!(other, Err(MetricsError::OtherColumns { .. })));
+    }
+
+    #[test]
+    fn damaged_rows_are_named_by_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.csv");
+        for (text, says) in [
+            ("", "metrics.csv:1: there is no header"),
+            ("time,a\n", "metrics.csv:1: the first column"),
+            ("step,a\n1,2\n3,x\n", "metrics.csv:3: a cell is not a number"),
+            ("step,a\n1,2,3\n", "metrics.csv:2: this row has another number"),
+            ("step,a\n1,2", "metrics.csv:2: this row is cut off"),
+        ] {
+            fs::write(&path, text).unwrap();
+            let message = Metrics::read(&path).unwrap_err().to_string();
+            assert!(message.contains(says), "{message} for {text:?}");
+        }
+    }
+}
