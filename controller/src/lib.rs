@@ -10,7 +10,21 @@
 #![no_std]
 
 extern crate alloc;
+#[cfg(test)]
+extern crate std;
 
+pub mod attitude;
+pub mod estimator;
+mod filter;
+pub mod kinematics;
+mod math;
+mod mirror;
+mod pipeline;
 mod spec;
+#[cfg(test)]
+mod testing;
+mod validate;
 
+pub use pipeline::{Pipeline, Sensors};
 pub use spec::*;
+pub use validate::SpecError;

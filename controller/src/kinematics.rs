@@ -1,0 +1,154 @@
+//! Forward kinematics of a leg: pose and velocity of its sole relative to the base.
+
+use crate::{
+    math::{IDENTITY, Quat, Vec3, add, axis_angle, compose, cross, rotate, scale},
+    spec::Leg,
+};
+
+/// A sole relative to the base, in the base frame: what an observer on the base sees, whatever the base itself does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sole {
+    /// Centre of the four corners, m.
+    pub position: [f32; 3],
+    /// Orientation of the sole frame, unit quaternion x, y, z, w.
+    pub rotation: [f32; 4],
+    /// Velocity of the centre, m/s.
+    pub velocity: [f32; 3],
+    /// Angular velocity, rad/s.
+    pub angular_velocity: [f32; 3],
+    /// Corners in the order of [`Leg::corners`], m.
+    pub corners: [[f32; 3]; 4],
+}
+
+impl Sole {
+    /// Velocity of a point that moves with the sole, m/s; the point and the result in the base frame.
+    pub fn velocity_at(&self, point: [f32; 3]) -> [f32; 3] {
+        let arm = add(point, scale(self.position, -1.0));
+        add(self.velocity, cross(self.angular_velocity, arm))
+    }
+}
+
+/// The sole of `leg` at joint positions `position` (rad or m) and velocities `velocity` (rad/s or m/s) of the policy's
+/// joints.
+pub fn sole(leg: &Leg, position: &[f32], velocity: &[f32]) -> Sole {
+    let mut frame = Frame {
+        origin: [0.0; 3],
+        rotation: IDENTITY,
+        velocity: [0.0; 3],
+        angular_velocity: [0.0; 3],
+    };
+    for segment in &leg.segments {
+        let (value, rate) = match segment.joint {
+            Some(joint) => {
+                let joint = usize::from(joint);
+                (
+                    segment.multiplier * position[joint] + segment.offset,
+                    segment.multiplier * velocity[joint],
+                )
+            }
+            None => (segment.offset, 0.0),
+        };
+        frame.translate(segment.translation);
+        frame.rotation = compose(frame.rotation, segment.rotation);
+        if segment.prismatic {
+            frame.translate(scale(segment.axis, value));
+            frame.velocity = add(frame.velocity, scale(rotate(frame.rotation, segment.axis), rate));
+        } else {
+            let axis = rotate(frame.rotation, segment.axis);
+            frame.angular_velocity = add(frame.angular_velocity, scale(axis, rate));
+            frame.rotation = compose(frame.rotation, axis_angle(segment.axis, value));
+        }
+    }
+    let ankle = frame;
+    let centre = scale(leg.corners.iter().copied().fold([0.0; 3], add), 0.25);
+    frame.translate(centre);
+    Sole {
+        position: frame.origin,
+        rotation: compose(ankle.rotation, leg.sole_rotation),
+        velocity: frame.velocity,
+        angular_velocity: frame.angular_velocity,
+        corners: leg
+            .corners
+            .map(|corner| add(ankle.origin, rotate(ankle.rotation, corner))),
+    }
+}
+
+/// A frame on its way along the chain, seen from the base.
+#[derive(Clone, Copy)]
+struct Frame {
+    origin: Vec3,
+    rotation: Quat,
+    velocity: Vec3,
+    angular_velocity: Vec3,
+}
+
+impl Frame {
+    /// Moves the origin by `offset`, given in this frame, to another point of the same body.
+    fn translate(&mut self, offset: Vec3) {
+        let arm = rotate(self.rotation, offset);
+        self.origin = add(self.origin, arm);
+        self.velocity = add(self.velocity, cross(self.angular_velocity, arm));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec::Vec;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{biped, sliding_leg};
+
+    #[test]
+    fn a_straight_leg_hangs_below_its_hip() {
+        let spec = biped();
+        let zero = [0.0; 10];
+        let left = sole(&spec.legs[0], &zero, &zero);
+        let expected = [0.03, 0.09, -0.70];
+        for (found, expected) in left.position.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{:?}", left.position);
+        }
+        assert_eq!(left.velocity, [0.0; 3]);
+    }
+
+    #[test]
+    fn a_follower_keeps_the_sole_parallel_to_the_base() {
+        let spec = biped();
+        // hip yaw, roll, pitch, knee, ankle roll; the ankle pitch of the test robot follows -(hip pitch + knee) by two segments.
+        let mut q = [0.0; 10];
+        q[2] = -0.4;
+        q[3] = 0.9;
+        let rotation = sole(&spec.legs[0], &q, &[0.0; 10]).rotation;
+        assert!(rotation[3].abs() > 1.0 - 1e-6, "{rotation:?}");
+    }
+
+    proptest! {
+        #[test]
+        fn velocities_are_the_derivatives_of_positions(
+            q in prop::array::uniform10(-0.7f32..0.7), dq in prop::array::uniform10(-3.0f32..3.0), slide in any::<bool>(),
+        ) {
+            let leg = if slide { sliding_leg() } else { biped().legs[0].clone() };
+            let step = 2e-3;
+            let ahead: Vec<f32> = q.iter().zip(&dq).map(|(q, dq)| q + step * dq).collect();
+            let behind: Vec<f32> = q.iter().zip(&dq).map(|(q, dq)| q - step * dq).collect();
+            let (ahead, behind, now) = (sole(&leg, &ahead, &dq), sole(&leg, &behind, &dq), sole(&leg, &q, &dq));
+            for corner in 0..4 {
+                let velocity = now.velocity_at(now.corners[corner]);
+                for (axis, velocity) in velocity.iter().enumerate() {
+                    let difference = (ahead.corners[corner][axis] - behind.corners[corner][axis]) / (2.0 * step);
+                    prop_assert!((difference - velocity).abs() < 5e-3, "{difference} {velocity}");
+                }
+            }
+        }
+
+        #[test]
+        fn the_centre_is_the_mean_of_the_corners(q in prop::array::uniform10(-0.7f32..0.7)) {
+            let sole = sole(&biped().legs[1], &q, &[0.0; 10]);
+            for axis in 0..3 {
+                let mean = sole.corners.iter().map(|corner| corner[axis]).sum::<f32>() / 4.0;
+                prop_assert!((mean - sole.position[axis]).abs() < 1e-6);
+            }
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! What a [`Spec`] must be before anything is built from it.
+
+use alloc::string::String;
+
+use thiserror::Error;
+
+use crate::{
+    math::{dot, is_finite},
+    spec::{Block, FilterSpec, Leg, Spec},
+};
+
+/// Why a [`Spec`] cannot be used. Fields named `joint` and `leg` hold names.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SpecError {
+    /// There is nothing to control.
+    #[error("the policy has no joints")]
+    NoJoints,
+    /// Two joints share a name, so readings by name would be ambiguous.
+    #[error("joint `{joint}` appears twice")]
+    DuplicateJoint {
+        /// The name.
+        joint: String,
+    },
+    /// A joint's number is missing, infinite or outside what it may be.
+    #[error("joint `{joint}`: {field} is {value}, {expected}")]
+    Joint {
+        /// The joint.
+        joint: String,
+        /// The field of `JointSpec`.
+        field: &'static str,
+        /// What it holds.
+        value: f32,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// A number outside the joints is not what it may be.
+    #[error("{field} is {value}, {expected}")]
+    Value {
+        /// The field of `Spec`.
+        field: &'static str,
+        /// What it holds.
+        value: f32,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// A block appears twice.
+    #[error("observation block {block:?} appears twice")]
+    DuplicateBlock {
+        /// The block.
+        block: Block,
+    },
+    /// The clock is observed but there is none.
+    #[error("the observation has the block Clock but the policy has no clock")]
+    NoClock,
+    /// A leg's chain follows a joint the policy does not have.
+    #[error("leg `{leg}`, segment {segment}: follows joint {joint}, but the policy has {joints} joints")]
+    UnknownJoint {
+        /// The leg.
+        leg: String,
+        /// Index of the segment from the base.
+        segment: usize,
+        /// The joint it refers to.
+        joint: u16,
+        /// How many there are.
+        joints: usize,
+    },
+    /// A leg's geometry is not finite, or an axis or rotation is not of unit length.
+    #[error("leg `{leg}`: {field} must be finite and {expected}")]
+    Geometry {
+        /// The leg.
+        leg: String,
+        /// What is wrong.
+        field: &'static str,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// A mirror map that is not a symmetry of the policy's joints.
+    #[error(
+        "joint `{joint}`: the mirror map must be its own inverse, with nominal pose, limits and action scale symmetric under it"
+    )]
+    Mirror {
+        /// The joint.
+        joint: String,
+    },
+}
+
+impl Spec {
+    /// Checks everything [`crate::Pipeline`] relies on.
+    ///
+    /// # Errors
+    /// The first field that is wrong and what would be right.
+    pub fn validate(&self) -> Result<(), SpecError> {
+        positive("control_hz", self.control_hz)?;
+        if self.inertial_frame_period.is_nan() || self.inertial_frame_period <= 0.0 {
+            return Err(SpecError::Value {
+                field: "inertial_frame_period",
+                value: self.inertial_frame_period,
+                expected: "but must be positive (infinite to never set the frame again)",
+            });
+        }
+        self.validate_joints()?;
+        self.validate_filter()?;
+        self.validate_command()?;
+        for (i, &block) in self.observation.iter().enumerate() {
+            if self.observation[..i].contains(&block) {
+                return Err(SpecError::DuplicateBlock { block });
+            }
+        }
+        match self.clock {
+            Some(clock) => positive("clock.period", clock.period)?,
+            None if self.observation.contains(&Block::Clock) => return Err(SpecError::NoClock),
+            None => {}
+        }
+        self.legs
+            .iter()
+            .try_for_each(|leg| validate_leg(leg, self.joints.len()))
+    }
+
+    fn validate_joints(&self) -> Result<(), SpecError> {
+        if self.joints.is_empty() {
+            return Err(SpecError::NoJoints);
+        }
+        for (i, joint) in self.joints.iter().enumerate() {
+            if self.joints[..i].iter().any(|other| other.name == joint.name) {
+                return Err(SpecError::DuplicateJoint {
+                    joint: joint.name.clone(),
+                });
+            }
+            let checks = [
+                ("lower", joint.lower, joint.lower.is_finite(), "but must be finite"),
+                (
+                    "upper",
+                    joint.upper,
+                    joint.upper.is_finite() && joint.upper >= joint.lower,
+                    "but must be finite and not below the lower limit",
+                ),
+                (
+                    "nominal",
+                    joint.nominal,
+                    joint.nominal >= joint.lower && joint.nominal <= joint.upper,
+                    "but must be within the joint's limits",
+                ),
+                (
+                    "kp",
+                    joint.kp,
+                    joint.kp.is_finite() && joint.kp > 0.0,
+                    "but must be finite and positive",
+                ),
+                (
+                    "kd",
+                    joint.kd,
+                    joint.kd.is_finite() && joint.kd >= 0.0,
+                    "but must be finite and not negative",
+                ),
+                (
+                    "torque_limit",
+                    joint.torque_limit,
+                    joint.torque_limit > 0.0,
+                    "but must be positive",
+                ),
+                (
+                    "action_scale",
+                    joint.action_scale,
+                    joint.action_scale.is_finite() && joint.action_scale > 0.0,
+                    "but must be finite and positive",
+                ),
+            ];
+            for (field, value, right, expected) in checks {
+                if !right {
+                    return Err(SpecError::Joint {
+                        joint: joint.name.clone(),
+                        field,
+                        value,
+                        expected,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_filter(&self) -> Result<(), SpecError> {
+        let (field, value, right, expected) = match self.action.filter {
+            None => return Ok(()),
+            Some(FilterSpec::Exponential { gain }) => (
+                "action.filter.gain",
+                gain,
+                gain > 0.0 && gain <= 1.0,
+                "but must be above 0 and at most 1",
+            ),
+            Some(FilterSpec::Butterworth { cutoff_hz }) => (
+                "action.filter.cutoff_hz",
+                cutoff_hz,
+                cutoff_hz > 0.0 && cutoff_hz < 0.5 * self.control_hz,
+                "but must be above 0 and below half the control rate",
+            ),
+        };
+        if right {
+            Ok(())
+        } else {
+            Err(SpecError::Value { field, value, expected })
+        }
+    }
+
+    fn validate_command(&self) -> Result<(), SpecError> {
+        let command = &self.command;
+        for axis in 0..3 {
+            let (lower, upper, rate) = (command.lower[axis], command.upper[axis], command.rate[axis]);
+            let checks = [
+                ("command.rate", rate, rate > 0.0, "but must be positive"),
+                ("command.lower", lower, lower.is_finite(), "but must be finite"),
+                (
+                    "command.upper",
+                    upper,
+                    upper.is_finite() && upper >= lower,
+                    "but must be finite and not below command.lower",
+                ),
+            ];
+            for (field, value, right, expected) in checks {
+                if !right {
+                    return Err(SpecError::Value { field, value, expected });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn positive(field: &'static str, value: f32) -> Result<(), SpecError> {
+    if value.is_finite() && value > 0.0 {
+        Ok(())
+    } else {
+        Err(SpecError::Value {
+            field,
+            value,
+            expected: "but must be finite and positive",
+        })
+    }
+}
+
+fn validate_leg(leg: &Leg, joints: usize) -> Result<(), SpecError> {
+    let unit = |square: f32| (square - 1.0).abs() < 1e-3;
+    let turn = |q: [f32; 4]| unit(q.iter().map(|x| x * x).sum());
+    let wrong = |field, expected| SpecError::Geometry {
+        leg: leg.name.clone(),
+        field,
+        expected,
+    };
+    for (i, segment) in leg.segments.iter().enumerate() {
+        if let Some(joint) = segment.joint.filter(|&joint| usize::from(joint) >= joints) {
+            return Err(SpecError::UnknownJoint {
+                leg: leg.name.clone(),
+                segment: i,
+                joint,
+                joints,
+            });
+        }
+        if !is_finite(&segment.translation) || !segment.multiplier.is_finite() || !segment.offset.is_finite() {
+            return Err(wrong("a segment's translation, multiplier or offset", "a number"));
+        }
+        if !turn(segment.rotation) {
+            return Err(wrong("a segment's rotation", "a unit quaternion"));
+        }
+        if !unit(dot(segment.axis, segment.axis)) {
+            return Err(wrong("a segment's axis", "a unit vector"));
+        }
+    }
+    if !leg.corners.iter().all(|corner| is_finite(corner)) {
+        return Err(wrong("a sole corner", "a number"));
+    }
+    if turn(leg.sole_rotation) {
+        Ok(())
+    } else {
+        Err(wrong("the sole's rotation", "a unit quaternion"))
+    }
+}
