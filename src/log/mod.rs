@@ -1,0 +1,96 @@
+//! Rollouts and robot logs: MCAP files that ROS 2 tools, Foxglove and PlotJuggler open as they are.
+//!
+//! | topic | message | meaning |
+//! |---|---|---|
+//! | `/joint_states` | `sensor_msgs/msg/JointState` | measured position (rad or m), velocity, effort (N m or N) |
+//! | `/joint_commands` | `sensor_msgs/msg/JointState` | position targets; a command holds until the next |
+//! | `/imu` | `sensor_msgs/msg/Imu` | orientation of the base, angular velocity, linear acceleration |
+//! | `/cmd_vel` | `geometry_msgs/msg/Twist` | desired velocity |
+//! | `/odom` | `nav_msgs/msg/Odometry` | base pose and twist |
+//! | `/policy` | JSON | observation, action, reward terms |
+//!
+//! Messages are written in CDR with `ros2msg` schemas under the profile `ros2`; JSON with the same field names is
+//! read as well.
+
+mod cdr;
+pub mod messages;
+mod reader;
+mod writer;
+
+use std::path::PathBuf;
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use messages::{Imu, JointState, Odometry, PolicyStep, Twist};
+
+pub use cdr::{Decoder, Encoder, Field};
+pub use reader::{Entry, LogReader};
+pub use writer::LogWriter;
+
+/// Why a log cannot be written or read.
+#[derive(Debug, Error, Diagnostic)]
+pub enum LogError {
+    /// The file system said no.
+    #[error("cannot use {}: {source}", .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is not an MCAP file, or is damaged.
+    #[error("{} is not a whole MCAP file: {why}", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// A message is not what its topic should carry.
+    #[error("{}: message {index} of {topic}: {why}", .path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Number of the message in the file, from 0.
+        index: u64,
+        /// What is wrong with it.
+        why: String,
+    },
+}
+
+/// A message of one of the topics.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Message {
+    /// `/joint_states`
+    JointStates(JointState),
+    /// `/joint_commands`
+    JointCommands(JointState),
+    /// `/imu`
+    Imu(Imu),
+    /// `/cmd_vel`
+    CmdVel(Twist),
+    /// `/odom`
+    Odom(Box<Odometry>),
+    /// `/policy`
+    Policy(PolicyStep),
+}
+
+impl Message {
+    /// The topic it belongs to.
+    pub fn topic(&self) -> &'static str {
+        match self {
+            Message::JointStates(_) => "/joint_states",
+            Message::JointCommands(_) => "/joint_commands",
+            Message::Imu(_) => "/imu",
+            Message::CmdVel(_) => "/cmd_vel",
+            Message::Odom(_) => "/odom",
+            Message::Policy(_) => "/policy",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
