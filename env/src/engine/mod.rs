@@ -5,10 +5,29 @@
 //! beyond that is written once, outside. Arrays over joints are structures of arrays:
 //! entry `d * worlds + w` is degree of freedom `d` of world `w`.
 
+pub mod rapier;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::robot::{Inertial, Passive};
+
+/// Why an engine cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EngineError {
+    /// A step that is not a positive, finite time.
+    #[error("a physics step of {dt} s is impossible; use 0.001 to 0.005 s")]
+    TimeStep {
+        /// The step, s.
+        dt: f64,
+    },
+    /// A robot that is a single rigid link.
+    #[error("robot {robot:?} has no moving joint; an engine needs at least one")]
+    NoJoints {
+        /// The robot's name.
+        robot: String,
+    },
+}
 
 /// Friction between sole and ground (thesis 7.4).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,0 +1,388 @@
+//! From a robot to a rapier scene: bodies, multibody joints, couplings and colliders.
+//!
+//! The scene is built once per batch and settled by a step of no length. Worlds start from clones of it, so that
+//! nothing of an episode reaches the next and equal starts replay bit for bit.
+
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use rapier3d_f64::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::convert;
+use crate::engine::EngineError;
+use crate::robot::{Base, Geometry, Inertial, Joint, JointKind, Link, Robot, Shape};
+
+/// Collision groups: robots collide with the ground and with nothing else.
+const GROUND: Group = Group::GROUP_1;
+const ROBOT: Group = Group::GROUP_2;
+
+/// Mass (kg) and inertia (kg m^2) given to a link whose mass properties are zero: rapier stores inverses, so zero
+/// would mean immovable. A millionth of the lightest link of a small humanoid: nothing moves measurably otherwise.
+const TINY_MASS: f64 = 1e-6;
+const TINY_INERTIA: f64 = 1e-8;
+
+/// Height (m) at which the scene is settled: far from the ground, so that no contact is in it.
+const LIMBO: f64 = 1e3;
+
+/// The part of a rapier world that its future depends on.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) struct State {
+    pub islands: IslandManager,
+    pub broad_phase: BroadPhaseBvh,
+    pub narrow_phase: NarrowPhase,
+    pub bodies: RigidBodySet,
+    pub colliders: ColliderSet,
+    pub impulse_joints: ImpulseJointSet,
+    pub multibodies: MultibodyJointSet,
+}
+
+/// A coordinate of the multibody that moves with a degree of freedom: its own joint, or a mimic joint.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Coordinate {
+    /// Index into `Robot::joints`; the joint's link is `joint + 1` in the robot and in the multibody.
+    pub joint: usize,
+    /// The coordinate's axis in rapier's six (x, y, z, about x, y, z).
+    pub axis: usize,
+    /// Index of its velocity in the multibody's generalized velocities.
+    pub velocity: usize,
+    /// `position = multiplier * position(degree of freedom) + offset`.
+    pub multiplier: f64,
+    pub offset: f64,
+    /// Part of whatever acts on the degree of freedom that acts here; the parts of one degree of freedom sum to 1.
+    pub share: f64,
+}
+
+impl Coordinate {
+    /// This coordinate's part of a gain on the degree of freedom: a stiffness, damping or inertia.
+    pub(super) fn gain(&self, gain: f64) -> f64 {
+        if self.share == 0.0 {
+            return 0.0;
+        }
+        gain * self.share / (self.multiplier * self.multiplier)
+    }
+}
+
+/// A degree of freedom: the coordinates it moves, its own first.
+#[derive(Clone, Debug)]
+pub(super) struct Freedom {
+    pub coordinates: Vec<Coordinate>,
+    pub limits: (f64, f64),
+}
+
+/// A link that may touch the ground.
+#[derive(Clone, Debug)]
+pub(super) struct Toucher {
+    /// Index into `Robot::links`.
+    pub link: usize,
+    pub colliders: Vec<ColliderHandle>,
+    /// Poses of the colliders in the link frame.
+    pub poses: Vec<Isometry3<f64>>,
+}
+
+/// What all worlds of a batch share.
+pub(super) struct Scene {
+    pub template: State,
+    pub multibody: MultibodyIndex,
+    /// Bodies of the links.
+    pub bodies: Vec<RigidBodyHandle>,
+    pub ground: ColliderHandle,
+    pub freedoms: Vec<Freedom>,
+    pub touchers: Vec<Toucher>,
+    /// For every foot its index in `touchers`; `None` for a foot without a collision shape.
+    pub feet: Vec<Option<usize>>,
+    pub base: Base,
+    /// World pose of a fixed base.
+    pub base_pose: Isometry3<f64>,
+    pub joints: Vec<Joint>,
+    /// Mass properties in the template.
+    pub links: Vec<Inertial>,
+    pub name: String,
+}
+
+impl Scene {
+    pub(super) fn new(robot: &Robot) -> Result<Self, EngineError> {
+        if robot.joints.is_empty() {
+            return Err(EngineError::NoJoints {
+                robot: robot.name.clone(),
+            });
+        }
+        let floating = robot.base == Base::Floating;
+        let mut state = State::empty();
+        let ground = state.colliders.insert(
+            ColliderBuilder::halfspace(nalgebra::Unit::new_unchecked(Vector::Z))
+                .collision_groups(groups(GROUND, ROBOT)),
+        );
+        let bodies: Vec<_> = (0..robot.links.len())
+            .map(|link| state.add_body(robot, link, floating))
+            .collect();
+        for (j, joint) in robot.joints.iter().enumerate() {
+            let data = joint_data(joint, &root_offset(robot.base, joint.parent, &robot.links[0].inertial));
+            state
+                .multibodies
+                .insert(bodies[joint.parent], bodies[j + 1], data, true);
+        }
+        let multibody = state
+            .multibodies
+            .rigid_body_link(bodies[0])
+            .map(|link| link.multibody)
+            .expect("a robot with joints is a multibody");
+        let freedoms = freedoms(robot, if floating { 6 } else { 0 });
+        let touchers = touchers(robot, &mut state, &bodies);
+        let feet = robot
+            .feet
+            .iter()
+            .map(|foot| touchers.iter().position(|toucher| toucher.link == foot.link))
+            .collect();
+        let mut scene = Self {
+            template: state,
+            multibody,
+            bodies,
+            ground,
+            freedoms,
+            touchers,
+            feet,
+            base: robot.base,
+            base_pose: robot.base_pose,
+            joints: robot.joints.clone(),
+            links: robot.links.iter().map(|link| link.inertial).collect(),
+            name: robot.name.clone(),
+        };
+        scene.settle();
+        Ok(scene)
+    }
+
+    pub(super) fn floating(&self) -> bool {
+        self.base == Base::Floating
+    }
+
+    /// Makes the template ready to be cloned: mass properties, coordinates of the joints, islands and events
+    /// are in the state in which a step leaves them.
+    fn settle(&mut self) {
+        let Self { template, .. } = self;
+        template
+            .bodies
+            .iter_mut()
+            .for_each(|(_, body)| body.recompute_mass_properties_from_colliders(&template.colliders));
+        let multibody = template
+            .multibodies
+            .get_multibody_mut(self.multibody)
+            .expect("the scene's multibody");
+        multibody.set_self_contacts_enabled(false);
+        multibody.forward_kinematics(&template.bodies, true);
+        multibody.damping_mut().fill(0.0);
+        for freedom in &self.freedoms {
+            let leader = freedom.coordinates[0];
+            for follower in &freedom.coordinates[1..] {
+                multibody.add_dof_coupling(MultibodyDofCoupling {
+                    link1: leader.joint + 1,
+                    dof1: 0,
+                    axis1: leader.axis,
+                    link2: follower.joint + 1,
+                    dof2: 0,
+                    axis2: follower.axis,
+                    coeff: follower.multiplier,
+                    offset: follower.offset,
+                });
+            }
+        }
+        multibody.update_rigid_bodies(&mut template.bodies, true);
+        let parameters = IntegrationParameters {
+            dt: 0.0,
+            ..Default::default()
+        };
+        template.step(
+            &mut PhysicsPipeline::new(),
+            &mut CCDSolver::new(),
+            &parameters,
+            Vector::ZERO,
+        );
+    }
+}
+
+impl State {
+    fn empty() -> Self {
+        Self {
+            islands: IslandManager::new(),
+            broad_phase: BroadPhaseBvh::new(),
+            narrow_phase: NarrowPhase::new(),
+            bodies: RigidBodySet::new(),
+            colliders: ColliderSet::new(),
+            impulse_joints: ImpulseJointSet::new(),
+            multibodies: MultibodyJointSet::new(),
+        }
+    }
+
+    /// One step of rapier's pipeline.
+    pub(super) fn step(
+        &mut self,
+        pipeline: &mut PhysicsPipeline,
+        ccd: &mut CCDSolver,
+        parameters: &IntegrationParameters,
+        gravity: Vector,
+    ) {
+        pipeline.step(
+            gravity,
+            parameters,
+            &mut self.islands,
+            &mut self.broad_phase,
+            &mut self.narrow_phase,
+            &mut self.bodies,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibodies,
+            &mut SoftBodySet::new(),
+            ccd,
+            &(),
+            &(),
+        );
+    }
+
+    fn add_body(&mut self, robot: &Robot, link: usize, floating: bool) -> RigidBodyHandle {
+        let inertial = &robot.links[link].inertial;
+        let builder = if link == 0 && !floating {
+            RigidBodyBuilder::fixed()
+        } else {
+            RigidBodyBuilder::dynamic()
+        };
+        let com = if link == 0 { Vector3::zeros() } else { inertial.com };
+        self.bodies.insert(
+            builder
+                .translation(Vector::new(0.0, 0.0, LIMBO))
+                .can_sleep(false)
+                .additional_mass_properties(mass_properties(inertial, &com)),
+        )
+    }
+}
+
+/// Offset of a link's body from the link's frame. rapier integrates a free root's translation as if the body's
+/// origin were its centre of mass, so it has to be; all other bodies are where their links are.
+pub(super) fn root_offset(base: Base, link: usize, inertial: &Inertial) -> Translation3<f64> {
+    match base {
+        Base::Floating if link == 0 => Translation3::from(inertial.com),
+        _ => Translation3::identity(),
+    }
+}
+
+/// Mass properties for rapier with the centre of mass at `com` in the body's frame.
+pub(super) fn mass_properties(inertial: &Inertial, com: &Vector3<f64>) -> MassProperties {
+    let mass = inertial.mass.max(TINY_MASS);
+    let inertia = if inertial.inertia.trace() > TINY_INERTIA {
+        inertial.inertia
+    } else {
+        Matrix3::from_diagonal_element(TINY_INERTIA)
+    };
+    MassProperties::with_inertia_matrix(convert::vector(com), mass, convert::matrix(&inertia))
+}
+
+/// The pose of a joint in its parent's frame, turned so that the joint's axis is x.
+pub(super) fn joint_frame(joint: &Joint) -> Isometry3<f64> {
+    joint.origin * axis_frame(joint)
+}
+
+fn axis_frame(joint: &Joint) -> Isometry3<f64> {
+    let to_axis = UnitQuaternion::rotation_between(&Vector3::x(), &joint.axis)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI));
+    Isometry3::from_parts(Translation3::identity(), to_axis)
+}
+
+fn joint_data(joint: &Joint, parent_offset: &Translation3<f64>) -> GenericJoint {
+    let locked = match joint.kind {
+        JointKind::Revolute => JointAxesMask::LOCKED_REVOLUTE_AXES,
+        JointKind::Prismatic => JointAxesMask::LOCKED_PRISMATIC_AXES,
+    };
+    let mut data = GenericJointBuilder::new(locked)
+        .local_frame1(convert::pose(&(parent_offset.inverse() * joint_frame(joint))))
+        .local_frame2(convert::pose(&axis_frame(joint)))
+        .contacts_enabled(false)
+        .build();
+    let limits = &mut data.limits[axis(joint)];
+    (limits.min, limits.max) = joint.limits;
+    data
+}
+
+fn axis(joint: &Joint) -> usize {
+    match joint.kind {
+        JointKind::Revolute => 3,
+        JointKind::Prismatic => 0,
+    }
+}
+
+fn freedoms(robot: &Robot, root_velocities: usize) -> Vec<Freedom> {
+    let coordinate = |joint: usize, multiplier, offset| Coordinate {
+        joint,
+        axis: axis(&robot.joints[joint]),
+        velocity: root_velocities + joint,
+        multiplier,
+        offset,
+        share: 0.0,
+    };
+    let followers = |leader| {
+        robot.joints.iter().enumerate().filter_map(move |(joint, data)| {
+            let mimic = data.mimic.filter(|mimic| mimic.joint == leader)?;
+            Some(coordinate(joint, mimic.multiplier, mimic.offset))
+        })
+    };
+    let freedom = |&leader: &usize| {
+        let own = coordinate(leader, 1.0, 0.0);
+        let mut coordinates: Vec<_> = std::iter::once(own).chain(followers(leader)).collect();
+        share_equally(&mut coordinates);
+        Freedom {
+            coordinates,
+            limits: robot.joints[leader].limits,
+        }
+    };
+    robot.dofs.iter().map(freedom).collect()
+}
+
+/// A follower whose multiplier is zero does not move with its leader and takes no part.
+fn share_equally(coordinates: &mut [Coordinate]) {
+    let moving = coordinates.iter().filter(|c| c.multiplier != 0.0).count();
+    for coordinate in coordinates.iter_mut().filter(|c| c.multiplier != 0.0) {
+        coordinate.share = 1.0 / moving as f64;
+    }
+}
+
+fn touchers(robot: &Robot, state: &mut State, bodies: &[RigidBodyHandle]) -> Vec<Toucher> {
+    let toucher = |(link, data): (usize, &Link)| {
+        let offset = root_offset(robot.base, link, &data.inertial);
+        let poses: Vec<_> = data.shapes.iter().map(shape_pose).collect();
+        let add = |(shape, pose): (&Shape, &Isometry3<f64>)| {
+            let collider = collider(shape).position(convert::pose(&(offset.inverse() * pose)));
+            state
+                .colliders
+                .insert_with_parent(collider, bodies[link], &mut state.bodies)
+        };
+        let colliders = data.shapes.iter().zip(&poses).map(add).collect();
+        Toucher { link, colliders, poses }
+    };
+    let with_shapes = |(_, link): &(usize, &Link)| !link.shapes.is_empty();
+    robot
+        .links
+        .iter()
+        .enumerate()
+        .filter(with_shapes)
+        .map(toucher)
+        .collect()
+}
+
+/// Pose of the shape as rapier has it: its cylinders and capsules lie along y.
+fn shape_pose(shape: &Shape) -> Isometry3<f64> {
+    let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    match shape.geometry {
+        Geometry::Cylinder(..) | Geometry::Capsule(..) => shape.pose * upright,
+        Geometry::Box(_) | Geometry::Sphere(_) => shape.pose,
+    }
+}
+
+fn collider(shape: &Shape) -> ColliderBuilder {
+    let builder = match shape.geometry {
+        Geometry::Box(half) => ColliderBuilder::cuboid(half.x, half.y, half.z),
+        Geometry::Sphere(radius) => ColliderBuilder::ball(radius),
+        Geometry::Cylinder(radius, half) => ColliderBuilder::cylinder(half, radius),
+        Geometry::Capsule(radius, half) => ColliderBuilder::capsule_y(half, radius),
+    };
+    builder.density(0.0).collision_groups(groups(ROBOT, GROUND))
+}
+
+fn groups(own: Group, others: Group) -> InteractionGroups {
+    InteractionGroups::new(own, others, InteractionTestMode::And)
+}

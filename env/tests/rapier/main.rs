@@ -1,0 +1,7 @@
+//! The rapier engine against mechanics.
+
+mod batch;
+mod contacts;
+mod drives;
+mod joints;
+mod robots;
