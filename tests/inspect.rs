@@ -1,0 +1,167 @@
+//! `omniwalk inspect` as a user meets it.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use omniwalk::log::messages::JointState;
+use omniwalk::log::{LogWriter, Message};
+use omniwalk::run::RunFolder;
+use omniwalk::run::checkpoint::Checkpoint;
+use omniwalk::run::events::{EventWriter, event_files};
+use omniwalk::run::metrics::MetricsWriter;
+
+/// Exit code, stdout and stderr of `omniwalk inspect PATH`.
+fn inspect(path: &Path) -> (i32, String, String) {
+    let output = Command::cargo_bin("omniwalk")
+        .unwrap()
+        .arg("inspect")
+        .arg(path)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+#[track_caller]
+fn assert_describes(path: &Path, parts: &[&str]) {
+    let (code, out, err) = inspect(path);
+    assert_eq!((code, err.as_str()), (0, ""));
+    for part in parts {
+        assert!(out.contains(part), "{part:?} is not in\n{out}");
+    }
+}
+
+#[track_caller]
+fn assert_refuses(path: &Path, part: &str) {
+    let (code, out, err) = inspect(path);
+    assert_eq!((code, out.as_str()), (2, ""), "{err}");
+    // The report wraps long lines at the width of the terminal.
+    let one_line = err
+        .split_whitespace()
+        .filter(|word| !["|", "│"].contains(word))
+        .collect::<Vec<_>>()
+        .join(" ");
+    assert!(one_line.contains(part), "{part:?} is not in\n{err}");
+    assert!(!err.contains("panicked"), "{err}");
+}
+
+/// A run with a row of metrics, events, three checkpoints of which the newest is cut off, and a log.
+fn sample(folder: &Path) -> RunFolder {
+    let run = RunFolder::create(folder, "[train]\nseed = 7\n").unwrap();
+    MetricsWriter::create(&run.metrics(), &["return", "falls"])
+        .unwrap()
+        .append(128, &[2.5, f64::NAN])
+        .unwrap();
+    EventWriter::create(run.path(), None)
+        .unwrap()
+        .scalars(128, [("return/total", 2.5)])
+        .unwrap();
+    for step in [64, 128, 192] {
+        let mut checkpoint = Checkpoint::new(step);
+        checkpoint.insert("actor.0.weight", &[2, 2], &[1.0_f32, -2.0, f32::NAN, 0.5]);
+        checkpoint.metadata.insert("robot".into(), "nimbro\u{1b}[31m".into());
+        run.checkpoints().save(&checkpoint, 3).unwrap();
+    }
+    let newest = run.checkpoints().list().pop().unwrap().1;
+    fs::write(&newest, &fs::read(&newest).unwrap()[..100]).unwrap();
+    fs::create_dir(run.rollouts()).unwrap();
+    let mut log = LogWriter::create(&run.rollouts().join("a.mcap")).unwrap();
+    for step in 0..41 {
+        let joints = JointState {
+            name: vec!["left_knee".into()],
+            position: vec![0.5],
+            ..JointState::default()
+        };
+        log.write(step * 25_000_000, &Message::JointStates(joints)).unwrap();
+    }
+    log.finish().unwrap();
+    run
+}
+
+#[test]
+fn every_file_of_a_run_is_described() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = sample(&folder.path().join("run"));
+    let checkpoints = run.checkpoints().list();
+    assert_describes(
+        run.path(),
+        &[
+            "train.seed = 7",
+            "1 rows of 2 columns",
+            "checkpoints: 3",
+            "newest whole one: step 128",
+            "step-000000000192.safetensors is not a whole checkpoint",
+            "event files: 1",
+            "rollouts: 1",
+        ],
+    );
+    assert_describes(
+        &checkpoints[0].1,
+        &[
+            "checkpoint at step 64",
+            "actor.0.weight  f32 2 x 2",
+            "from -2.0000e0 to 1.0000e0, 1 NOT FINITE",
+        ],
+    );
+    assert_describes(
+        &run.metrics(),
+        &["last row: step 128", "return  2.5", "falls   not measured"],
+    );
+    assert_describes(
+        &event_files(run.path())[0],
+        &["return/total  1 values, last 2.500000 at step 128"],
+    );
+    assert_describes(
+        &run.rollouts().join("a.mcap"),
+        &[
+            "log: 1.000 s, 1 topics",
+            "/joint_states (sensor_msgs/msg/JointState): 41 messages, 40.0 Hz",
+            "left_knee",
+        ],
+    );
+    assert_describes(&run.config(), &["1 values differ", "train.seed = 7"]);
+}
+
+#[test]
+fn what_a_file_says_cannot_control_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = sample(&folder.path().join("run"));
+    let (_, out, _) = inspect(&run.checkpoints().list()[0].1);
+    assert!(out.contains("nimbro") && !out.contains('\u{1b}'), "{out:?}");
+}
+
+#[test]
+fn unknown_and_damaged_files_are_refused_with_exit_code_2() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        path
+    };
+    assert_refuses(&folder.path().join("none.toml"), "cannot read");
+    assert_refuses(folder.path(), "none of the files omniwalk knows");
+    assert_refuses(&write("picture.png", b"\x89PNG"), "none of the files omniwalk knows");
+    assert_refuses(&write("empty.safetensors", b""), "not a whole checkpoint");
+    assert_refuses(&write("rubbish.safetensors", &[0xff; 64]), "not a whole checkpoint");
+    assert_refuses(&write("rubbish.mcap", b"rubbish"), "not a whole MCAP file");
+    assert_refuses(&write("cut.mcap", b"\x89MCAP0\r\n\x01"), "not a whole MCAP file");
+    assert_refuses(&write("broken.toml", b"[train\nseed = 1"), "broken.toml:1:");
+    assert_refuses(
+        &write("other.csv", b"time;position\n0;1\n"),
+        "the first column of a run's metrics is `step`",
+    );
+    assert_refuses(&write("events.out.tfevents.1", &[0; 20]), "a checksum is wrong");
+}
+
+#[test]
+fn a_wrong_command_is_refused_with_exit_code_2() {
+    for arguments in [&["inspec"][..], &["inspect"], &["inspect", "a", "b"], &[]] {
+        let output = Command::cargo_bin("omniwalk")
+            .unwrap()
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
+}
