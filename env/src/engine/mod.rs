@@ -5,6 +5,7 @@
 //! beyond that is written once, outside. Arrays over joints are structures of arrays:
 //! entry `d * worlds + w` is degree of freedom `d` of world `w`.
 
+pub mod lanes;
 pub mod rapier;
 
 use nalgebra::{UnitQuaternion, Vector3};

@@ -1,0 +1,401 @@
+//! Contact points against the ground: regularised normal impulses and an elliptic cone of friction.
+//!
+//! **Normal.** A point at gap `phi < 0` is pushed by a spring and a damper, `F = -k phi' - d v'`, with gap and
+//! velocity at the end of the step; as a row, `v' + F dt / (dt (dt k + d)) = -phi k / (dt k + d)`, where the
+//! push-out speed on the right is bounded. A point within reach above the ground may not move by more than its gap in a
+//! step. k and d are [`STIFFNESS`] and [`DAMPING`] of one point: a 17 kg robot on eight points sinks in by 0.2 mm.
+//!
+//! **Friction.** The impulses along the tangents `f`, about the tangents `m` (rolling) and about the normal `t`
+//! (torsion) obey `(f / mu_t)^2 + (m / mu_r)^2 + (t / mu_z)^2 <= n^2` with the normal impulse n; mu_r and mu_z are lengths. A foot's
+//! total is the sum over its points. Divided by their coefficients the five components lie in a ball of radius n. A
+//! point that sticks takes a Newton step of its 5 x 5 block; where that leaves the ball, the point slips and takes a
+//! projected-gradient step, whose fixed points are those of maximum dissipation. [`SLIP_DAMPING`] and
+//! [`TURN_DAMPING`] make the split between points unique: a loaded point creeps with `F / SLIP_DAMPING`.
+
+use super::factor::half_solve_path;
+use super::group::{ContactImpulse, Group};
+use super::lane::Lane;
+use super::model::{ContactBody, Model, ROOT};
+use super::spatial::{Force, Motion, Vec3};
+use super::work::{BodyWork, PointWork, Work};
+
+/// Normal stiffness of a contact point, N/m.
+const STIFFNESS: f64 = 1e5;
+/// Normal damping of a contact point, N s/m.
+const DAMPING: f64 = 1e3;
+/// Fastest push-out of a point below the ground, m/s.
+const PUSH_OUT: f64 = 1.0;
+/// Points farther above the ground than this do not take part, m: a point that falls at 10 m/s meets the ground in time at 200 Hz.
+const REACH: f64 = 0.05;
+/// Force per slip speed of a sticking point, N s/m.
+const SLIP_DAMPING: f64 = 2e6;
+/// Moment per turning speed of a sticking point, N m s/rad.
+const TURN_DAMPING: f64 = 2e3;
+
+/// Height of a point above the ground. The ground is the plane z = 0: its normal is the z axis everywhere, and the tangents
+/// are x and y.
+#[inline(always)]
+fn gap<L: Lane>(base_height: L, position: Vec3<L>) -> L {
+    base_height + position.z
+}
+
+/// After the factorisation: every body's response, its points, and the warm start.
+#[inline(always)]
+pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
+    let base_height = L::load(&group.state.position[2]);
+    for (b, body) in model.bodies.iter().enumerate() {
+        let link = work.links[body.link];
+        let centre = link.position.plus(link.rotation.apply(Vec3::splat(body.centre)));
+        let target = &mut work.bodies[b];
+        target.active = false;
+        for (point, &position) in target.points.iter_mut().zip(&body.points) {
+            let position = link.position.plus(link.rotation.apply(Vec3::splat(position)));
+            point.arm = position.minus(centre);
+            let gap = gap(base_height, position);
+            target.active |= gap.any_lt(L::of(REACH));
+            place_point(point, gap, model.dt);
+        }
+        let impulses = &mut group.state.contacts[body.first_point..][..body.points.len()];
+        if !target.active {
+            impulses.fill(ContactImpulse {
+                normal: L::zero(),
+                friction: [L::zero(); 5],
+            });
+            continue;
+        }
+        target.velocity = link.velocity.at(centre).array();
+        unit_wrenches(model, body, centre, &work.subspaces, &mut target.columns);
+        half_solve_path(
+            &model.rows,
+            &work.mass_matrix,
+            &work.inverse_diagonal,
+            &body.path,
+            &mut target.columns,
+        );
+        target.response = gram(&target.columns);
+        let scales = scales(&group.parameters.friction);
+        let mut wrench = Force::zero();
+        for (point, impulse) in target.points.iter_mut().zip(impulses) {
+            point_response(&target.response, point, &scales, model.dt);
+            let reached = |x: L| L::zero().select_lt(point.normal_max, x, L::zero());
+            impulse.normal = reached(impulse.normal);
+            for f in &mut impulse.friction {
+                *f = reached(*f);
+            }
+            wrench = wrench.plus(point_wrench(point, impulse, &scales));
+        }
+        add_wrench(body, target, wrench.array(), &mut work.change);
+    }
+}
+
+/// The normal row's bias and bound.
+#[inline(always)]
+fn place_point<L: Lane>(point: &mut PointWork<L>, gap: L, dt: f64) {
+    let recovery = (gap * L::of(STIFFNESS / (dt * STIFFNESS + DAMPING))).max(L::of(-PUSH_OUT));
+    point.bias = gap.select_lt(L::zero(), recovery, gap * L::of(1.0 / dt));
+    point.normal_max = gap.select_lt(L::of(REACH), L::of(f32::MAX.into()), L::zero());
+}
+
+/// The transposed Jacobian of the body's twist at `centre`: one row a degree of freedom of its path.
+#[inline(always)]
+fn unit_wrenches<L: Lane>(
+    model: &Model<L>,
+    body: &ContactBody<L>,
+    centre: Vec3<L>,
+    subspaces: &[Motion<L>],
+    columns: &mut [[L; 6]],
+) {
+    let (o, i) = (L::zero(), L::of(1.0));
+    for (column, subspace) in columns.iter_mut().zip(&body.subspaces) {
+        *column = subspace.map_or([o; 6], |s| subspaces[s].at(centre).array());
+    }
+    if model.floating {
+        let c = centre;
+        columns[..ROOT].copy_from_slice(&[
+            [i, o, o, o, o, o],
+            [o, i, o, o, o, o],
+            [o, o, i, o, o, o],
+            [o, -c.z, c.y, i, o, o],
+            [c.z, o, -c.x, o, i, o],
+            [-c.y, c.x, o, o, o, i],
+        ]);
+    }
+}
+
+/// `Y^T Y`
+#[inline(always)]
+fn gram<L: Lane>(columns: &[[L; 6]]) -> [[L; 6]; 6] {
+    let mut sum = [[L::zero(); 6]; 6];
+    for y in columns {
+        for r in 0..6 {
+            for c in 0..6 {
+                sum[r][c] = y[r].mul_add(y[c], sum[r][c]);
+            }
+        }
+    }
+    sum
+}
+
+/// Coefficients of the five frictional components.
+#[inline(always)]
+fn scales<L: Lane>(friction: &[L; 3]) -> [L; 5] {
+    let [tangential, torsional, rolling] = *friction;
+    [tangential, tangential, rolling, rolling, torsional]
+}
+
+/// Twist at the point from the twist at the reference point: linear, then angular.
+#[inline(always)]
+fn at_point<L: Lane>(twist: &[L; 6], arm: Vec3<L>) -> [L; 6] {
+    let [x, y, z, a, b, c] = *twist;
+    Motion {
+        linear: Vec3::new(x, y, z),
+        angular: Vec3::new(a, b, c),
+    }
+    .at(arm)
+    .array()
+}
+
+/// The point's inverse inertias: its normal row, the inverse of its frictional block, the step when it slips.
+#[inline(always)]
+fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, scales: &[L; 5], dt: f64) {
+    // Rows of the response to a wrench at the point; a force there acts at the reference point with moment arm x force.
+    let mut rows = [[L::zero(); 6]; 6];
+    for c in 0..6 {
+        let column = [0, 1, 2, 3, 4, 5].map(|r| response[r][c]);
+        let shifted = at_point(&column, point.arm);
+        for r in 0..6 {
+            rows[r][c] = shifted[r];
+        }
+    }
+    let [vx, vy, vz, wx, wy, wz] = rows;
+    point.normal_response = vz;
+    let own = at_point(&vz, point.arm)[2];
+    point.normal_step = (own + L::of(1.0 / (dt * (dt * STIFFNESS + DAMPING)))).recip();
+
+    let order = [vx, vy, wx, wy, wz]
+        .map(|row| at_point(&row, point.arm))
+        .map(|[x, y, _, a, b, c]| [x, y, a, b, c]);
+    let mut block = order;
+    let mut trace = L::zero();
+    for r in 0..5 {
+        for c in 0..5 {
+            block[r][c] = order[r][c] * (scales[r] * scales[c]);
+        }
+        block[r][r] += (scales[r] * scales[r]).mul_add(L::of(creep(r, dt)), L::of(1e-9));
+        trace += block[r][r];
+    }
+    point.slip_step = trace.recip();
+    point.friction_inverse = inverse(&block);
+}
+
+/// Slip speed of frictional component `r` per unit of impulse.
+#[inline(always)]
+fn creep(r: usize, dt: f64) -> f64 {
+    1.0 / (dt * if r < 2 { SLIP_DAMPING } else { TURN_DAMPING })
+}
+
+/// `x - a . b`
+#[inline(always)]
+fn less_products<L: Lane>(x: L, a: &[L], b: &[L]) -> L {
+    a.iter().zip(b).fold(x, |sum, (a, b)| a.neg_mul_add(*b, sum))
+}
+
+/// The inverse of a symmetric positive definite matrix by Cholesky factorisation.
+#[inline(always)]
+fn inverse<L: Lane, const N: usize>(m: &[[L; N]; N]) -> [[L; N]; N] {
+    let o = L::zero();
+    let mut factor = *m;
+    // w = factor^-1, lower triangular
+    let mut w = [[o; N]; N];
+    for r in 0..N {
+        let (above, own) = factor.split_at_mut(r);
+        let row = &mut own[0];
+        for (c, above) in above.iter().enumerate() {
+            row[c] = less_products(row[c], &row[..c], &above[..c]) * w[c][c];
+        }
+        w[r][r] = less_products(row[r], &row[..r], &row[..r]).sqrt().recip();
+        for c in 0..r {
+            let mut sum = o;
+            for k in c..r {
+                sum = row[k].neg_mul_add(w[k][c], sum);
+            }
+            w[r][c] = sum * w[r][r];
+        }
+    }
+    let mut result = [[o; N]; N];
+    for r in 0..N {
+        for c in 0..=r {
+            let mut sum = o;
+            for row in &w[r..] {
+                sum = row[r].mul_add(row[c], sum);
+            }
+            result[r][c] = sum;
+            result[c][r] = sum;
+        }
+    }
+    result
+}
+
+/// The wrench of a point's impulse about the body's reference point.
+#[inline(always)]
+fn point_wrench<L: Lane>(point: &PointWork<L>, impulse: &ContactImpulse<L>, scales: &[L; 5]) -> Force<L> {
+    let [x, y, a, b, c] = scaled(&impulse.friction, scales);
+    let force = Vec3::new(x, y, impulse.normal);
+    Force {
+        force,
+        moment: Vec3::new(a, b, c).plus_cross(point.arm, force),
+    }
+}
+
+#[inline(always)]
+fn scaled<L: Lane>(a: &[L; 5], s: &[L; 5]) -> [L; 5] {
+    [a[0] * s[0], a[1] * s[1], a[2] * s[2], a[3] * s[3], a[4] * s[4]]
+}
+
+/// `u = u + Y wrench`
+#[inline(always)]
+fn add_wrench<L: Lane>(body: &ContactBody<L>, work: &BodyWork<L>, wrench: [L; 6], change: &mut [L]) {
+    for (column, &k) in work.columns.iter().zip(&body.path) {
+        change[k] += dot6(column, &wrench);
+    }
+}
+
+#[inline(always)]
+fn dot6<L: Lane>(a: &[L; 6], b: &[L; 6]) -> L {
+    let linear = a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
+    linear + a[3].mul_add(b[3], a[4].mul_add(b[4], a[5] * b[5]))
+}
+
+/// Visits every body that may touch: its points see the body's twist, the rest of the robot the body's total wrench.
+#[inline(always)]
+pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
+    let scales = scales(&group.parameters.friction);
+    for (body, target) in model.bodies.iter().zip(&work.bodies) {
+        if !target.active {
+            continue;
+        }
+        let mut twist = target.velocity;
+        for (column, &k) in target.columns.iter().zip(&body.path) {
+            let u = work.change[k];
+            for (v, y) in twist.iter_mut().zip(column) {
+                *v = y.mul_add(u, *v);
+            }
+        }
+        let impulses = &mut group.state.contacts[body.first_point..][..body.points.len()];
+        let mut wrench = Force::zero();
+        for (point, impulse) in target.points.iter().zip(impulses) {
+            push(point, impulse, &mut twist, &mut wrench, model.dt);
+            rub(
+                &target.response,
+                point,
+                impulse,
+                &scales,
+                &mut twist,
+                &mut wrench,
+                model.dt,
+            );
+        }
+        add_wrench(body, target, wrench.array(), &mut work.change);
+    }
+}
+
+/// Projects the normal impulse.
+#[inline(always)]
+fn push<L: Lane>(
+    point: &PointWork<L>,
+    impulse: &mut ContactImpulse<L>,
+    twist: &mut [L; 6],
+    wrench: &mut Force<L>,
+    dt: f64,
+) {
+    let softness = L::of(1.0 / (dt * (dt * STIFFNESS + DAMPING)));
+    let approach = at_point(twist, point.arm)[2] + softness.mul_add(impulse.normal, point.bias);
+    let next = point
+        .normal_step
+        .neg_mul_add(approach, impulse.normal)
+        .clamp(L::zero(), point.normal_max);
+    let change = next - impulse.normal;
+    impulse.normal = next;
+    for (v, response) in twist.iter_mut().zip(&point.normal_response) {
+        *v = response.mul_add(change, *v);
+    }
+    let force = Vec3::new(L::zero(), L::zero(), change);
+    *wrench = wrench.plus(Force {
+        force,
+        moment: point.arm.cross(force),
+    });
+}
+
+/// Projects the frictional impulses onto the cone.
+#[inline(always)]
+fn rub<L: Lane>(
+    response: &[[L; 6]; 6],
+    point: &PointWork<L>,
+    impulse: &mut ContactImpulse<L>,
+    scales: &[L; 5],
+    twist: &mut [L; 6],
+    wrench: &mut Force<L>,
+    dt: f64,
+) {
+    let [x, y, _, a, b, c] = at_point(twist, point.arm);
+    let mut slip = scaled(&[x, y, a, b, c], scales);
+    let old = impulse.friction;
+    for r in 0..5 {
+        slip[r] = (scales[r] * scales[r] * L::of(creep(r, dt))).mul_add(old[r], slip[r]);
+    }
+    let mut stick = old;
+    for (x, inverse) in stick.iter_mut().zip(&point.friction_inverse) {
+        *x = less_products(*x, inverse, &slip);
+    }
+    let mut slide = old;
+    for r in 0..5 {
+        slide[r] = point.slip_step.neg_mul_add(slip[r], slide[r]);
+    }
+    let radius = impulse.normal;
+    let length = norm(&slide);
+    let shrink = (radius / length.max(L::of(1e-30))).min(L::of(1.0));
+    let outside = norm(&stick);
+    let mut change = old;
+    for r in 0..5 {
+        // The sum turns a negative zero positive: a point out of reach leaves the same bits as a skipped one.
+        let next = radius.select_lt(outside, slide[r] * shrink, stick[r]) + L::zero();
+        impulse.friction[r] = next;
+        change[r] = next - old[r];
+    }
+    let added = point_wrench(
+        point,
+        &ContactImpulse {
+            normal: L::zero(),
+            friction: change,
+        },
+        scales,
+    );
+    *wrench = wrench.plus(added);
+    let [fx, fy, _, a, b, c] = added.array();
+    for r in 0..6 {
+        let row = &response[r];
+        let linear = row[0].mul_add(fx, row[1].mul_add(fy, twist[r]));
+        twist[r] = linear + row[3].mul_add(a, row[4].mul_add(b, row[5] * c));
+    }
+}
+
+#[inline(always)]
+fn norm<L: Lane>(a: &[L; 5]) -> L {
+    let tangential = a[0].mul_add(a[0], a[1] * a[1]);
+    let rolling = a[2].mul_add(a[2], a[3].mul_add(a[3], a[4] * a[4]));
+    (tangential + rolling).sqrt()
+}
+
+/// Ground force on every body, averaged over the step.
+#[inline(always)]
+pub fn store_forces<L: Lane>(model: &Model<L>, group: &mut Group<L>) {
+    let rate = L::of(1.0 / model.dt);
+    let scale = group.parameters.friction[0] * rate;
+    for (body, force) in model.bodies.iter().zip(&mut group.state.ground_force) {
+        *force = Vec3::zero();
+        for impulse in &group.state.contacts[body.first_point..][..body.points.len()] {
+            let [x, y, ..] = impulse.friction;
+            *force = force.plus(Vec3::new(x * scale, y * scale, impulse.normal * rate));
+        }
+    }
+}

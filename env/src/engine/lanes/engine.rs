@@ -1,0 +1,366 @@
+//! A batch of worlds of one lane type behind [`Engine`].
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::Phase;
+use super::group::{Group, JointDrive, LinkInertia};
+use super::lane::{Kernel, MAX_WIDTH};
+use super::model::Model;
+use super::spatial::{Sym3, Vec3};
+use super::work::{PHASES, Timer, Work};
+use crate::engine::{BaseState, Drive, Engine, Friction, JointState, Start, World};
+use crate::robot::{Passive, Robot};
+
+/// Worlds in groups of `L::WIDTH`; the lanes left over in the last group hold a robot at rest without weight.
+pub struct Batch<L: Kernel> {
+    pub(super) model: Model<L>,
+    pub(super) groups: Vec<Group<L>>,
+    pub(super) work: Work<L>,
+    worlds: usize,
+    joints: JointState,
+    /// Per joint of the robot, the degree of freedom it moves with and its ratio.
+    followers: Vec<(usize, f64)>,
+    /// Per foot, its contact body.
+    feet: Vec<Option<usize>>,
+    timer: Timer,
+}
+
+impl<L: Kernel> Batch<L> {
+    pub fn new(robot: &Robot, dt: f64, worlds: usize) -> Self {
+        let model = Model::<L>::new(robot, dt);
+        let mut groups: Vec<_> = (0..worlds.div_ceil(L::WIDTH)).map(|_| Group::new(&model)).collect();
+        let follower = |j: usize| {
+            let (leader, ratio) = robot.joints[j].mimic.map_or((j, 1.0), |m| (m.joint, m.multiplier));
+            (robot.dofs.iter().position(|&d| d == leader).unwrap_or(0), ratio)
+        };
+        let followers: Vec<_> = (0..robot.joints.len()).map(follower).collect();
+        let (start, idle) = (resting(robot), idle(robot));
+        for group in &mut groups {
+            for lane in 0..L::WIDTH {
+                reset_lane(&model, group, lane, &start, &idle, &followers);
+            }
+        }
+        let zeros = || vec![0.0; robot.dofs.len() * worlds];
+        let foot_body = |link| model.bodies.iter().position(|b| b.link == link);
+        let feet = robot.feet.iter().map(|foot| foot_body(foot.link)).collect();
+        let joints = JointState {
+            position: zeros(),
+            velocity: zeros(),
+            torque: zeros(),
+        };
+        let work = Work::new(&model);
+        let mut batch = Self {
+            model,
+            groups,
+            work,
+            worlds,
+            joints,
+            followers,
+            feet,
+            timer: Timer::new(),
+        };
+        batch.store_joints();
+        batch
+    }
+
+    pub fn time_phases(&mut self) {
+        self.timer = Timer::new();
+        self.timer.enabled = true;
+    }
+
+    pub fn phases(&self) -> Vec<Phase> {
+        PHASES
+            .into_iter()
+            .zip(self.timer.seconds)
+            .map(|(name, seconds)| Phase { name, seconds })
+            .collect()
+    }
+
+    fn store_joints(&mut self) {
+        for (g, group) in self.groups.iter().enumerate() {
+            let first = g * L::WIDTH;
+            let count = L::WIDTH.min(self.worlds - first);
+            let mut numbers = [0.0; MAX_WIDTH];
+            for d in 0..self.model.limits.len() {
+                let at = d * self.worlds + first;
+                let state = &group.state;
+                let outputs = [
+                    (&state.joint_position, &mut self.joints.position),
+                    (&state.joint_velocity, &mut self.joints.velocity),
+                    (&state.torque, &mut self.joints.torque),
+                ];
+                for (from, to) in outputs {
+                    from[d].store(&mut numbers);
+                    to[at..at + count].copy_from_slice(&numbers[..count]);
+                }
+            }
+        }
+    }
+
+    /// Copies one world's joints to the exchanged arrays.
+    fn store_world(&mut self, world: usize) {
+        let (g, lane) = (world / L::WIDTH, world % L::WIDTH);
+        let state = &self.groups[g].state;
+        for d in 0..self.model.limits.len() {
+            let at = d * self.worlds + world;
+            self.joints.position[at] = state.joint_position[d].get(lane);
+            self.joints.velocity[at] = state.joint_velocity[d].get(lane);
+            self.joints.torque[at] = state.torque[d].get(lane);
+        }
+    }
+}
+
+/// The nominal pose out of reach of the ground.
+fn resting(robot: &Robot) -> Start {
+    Start {
+        position: robot.base_pose.translation.vector + Vector3::z() * 10.0,
+        orientation: robot.base_pose.rotation,
+        linear_velocity: Vector3::zeros(),
+        angular_velocity: Vector3::zeros(),
+        joints: robot.nominal(),
+        joint_velocities: vec![0.0; robot.dofs.len()],
+    }
+}
+
+/// The robot's own parameters without gravity.
+fn idle(robot: &Robot) -> World {
+    World {
+        friction: Friction {
+            tangential: 0.0,
+            torsional: 0.0,
+            rolling: 0.0,
+        },
+        gravity: Vector3::zeros(),
+        links: robot.links.iter().map(|link| link.inertial).collect(),
+        joints: robot.joints.iter().map(|joint| joint.passive).collect(),
+    }
+}
+
+fn set_vector<L: Kernel>(vector: &mut Vec3<L>, lane: usize, value: Vector3<f64>) {
+    vector.x.set(lane, value.x);
+    vector.y.set(lane, value.y);
+    vector.z.set(lane, value.z);
+}
+
+fn get_vector<L: Kernel>(vector: &Vec3<L>, lane: usize) -> Vector3<f64> {
+    Vector3::new(vector.x.get(lane), vector.y.get(lane), vector.z.get(lane))
+}
+
+fn reset_lane<L: Kernel>(
+    model: &Model<L>,
+    group: &mut Group<L>,
+    lane: usize,
+    start: &Start,
+    world: &World,
+    followers: &[(usize, f64)],
+) {
+    for number in group.lanes_mut() {
+        number.set(lane, 0.0);
+    }
+    let state = &mut group.state;
+    let (position, orientation) = if model.floating {
+        set_vector(&mut state.velocity.linear, lane, start.linear_velocity);
+        set_vector(&mut state.velocity.angular, lane, start.angular_velocity);
+        (start.position, start.orientation)
+    } else {
+        (model.base_pose.translation.vector, model.base_pose.rotation)
+    };
+    for (axis, x) in state.position.iter_mut().zip(position.iter()) {
+        axis[lane] = *x;
+    }
+    let [x, y, z, w] = orientation.coords.into();
+    let q = &mut state.orientation;
+    for (number, value) in [(&mut q.x, x), (&mut q.y, y), (&mut q.z, z), (&mut q.w, w)] {
+        number.set(lane, value);
+    }
+    for (number, q) in state.joint_position.iter_mut().zip(&start.joints) {
+        number.set(lane, *q);
+    }
+    for (number, v) in state.joint_velocity.iter_mut().zip(&start.joint_velocities) {
+        number.set(lane, *v);
+    }
+    set_parameters(group, lane, world, followers);
+}
+
+fn set_parameters<L: Kernel>(group: &mut Group<L>, lane: usize, world: &World, followers: &[(usize, f64)]) {
+    let parameters = &mut group.parameters;
+    for (link, own) in parameters.links.iter_mut().zip(&world.links) {
+        let LinkInertia { mass, com, about_com } = link;
+        mass.set(lane, own.mass);
+        set_vector(com, lane, own.com);
+        let Sym3 { xx, xy, xz, yy, yz, zz } = about_com;
+        for (number, at) in [
+            (xx, (0, 0)),
+            (xy, (0, 1)),
+            (xz, (0, 2)),
+            (yy, (1, 1)),
+            (yz, (1, 2)),
+            (zz, (2, 2)),
+        ] {
+            number.set(lane, own.inertia[at]);
+        }
+    }
+    for (d, (armature, damping)) in parameters.armature.iter_mut().zip(&mut parameters.damping).enumerate() {
+        // A joint that follows with ratio r adds r^2 of its own.
+        let sum = |own: fn(&Passive) -> f64| -> f64 {
+            let all = world.joints.iter().zip(followers);
+            all.filter(|(_, f)| f.0 == d)
+                .map(|(joint, f)| f.1 * f.1 * own(joint))
+                .sum()
+        };
+        armature.set(lane, sum(|joint| joint.armature));
+        damping.set(lane, sum(|joint| joint.damping));
+    }
+    let Friction {
+        tangential,
+        torsional,
+        rolling,
+    } = world.friction;
+    for (number, mu) in parameters.friction.iter_mut().zip([tangential, torsional, rolling]) {
+        number.set(lane, mu);
+    }
+    set_vector(&mut parameters.gravity, lane, world.gravity);
+}
+
+/// Reads degree of freedom `d` of the group's worlds, zero in idle lanes.
+#[inline(always)]
+fn load<L: Kernel>(numbers: &[f64], at: usize, count: usize) -> L {
+    if count == L::WIDTH {
+        return L::load(&numbers[at..]);
+    }
+    let mut padded = [0.0; MAX_WIDTH];
+    padded[..count].copy_from_slice(&numbers[at..at + count]);
+    L::load(&padded)
+}
+
+impl<L: Kernel> Engine for Batch<L> {
+    fn worlds(&self) -> usize {
+        self.worlds
+    }
+
+    fn reset(&mut self, world: usize, start: &Start, model: &World) {
+        let group = &mut self.groups[world / L::WIDTH];
+        reset_lane(&self.model, group, world % L::WIDTH, start, model, &self.followers);
+        self.store_world(world);
+    }
+
+    fn step(&mut self, drive: &Drive) {
+        for (g, group) in self.groups.iter_mut().enumerate() {
+            let first = g * L::WIDTH;
+            let count = L::WIDTH.min(self.worlds - first);
+            for (d, joint) in group.drive.iter_mut().enumerate() {
+                let at = d * self.worlds + first;
+                *joint = JointDrive {
+                    target: load(&drive.target, at, count),
+                    stiffness: load(&drive.stiffness, at, count),
+                    damping: load(&drive.damping, at, count),
+                    feed_forward: load(&drive.feed_forward, at, count),
+                    torque_min: load(&drive.torque_min, at, count),
+                    torque_max: load(&drive.torque_max, at, count),
+                    friction: load(&drive.friction, at, count),
+                };
+            }
+            L::step(&self.model, group, &mut self.work, &mut self.timer);
+        }
+        self.store_joints();
+    }
+
+    fn joints(&self) -> &JointState {
+        &self.joints
+    }
+
+    fn base(&self, world: usize) -> BaseState {
+        let lane = world % L::WIDTH;
+        let state = &self.groups[world / L::WIDTH].state;
+        let q = &state.orientation;
+        let quaternion = Quaternion::new(q.w.get(lane), q.x.get(lane), q.y.get(lane), q.z.get(lane));
+        BaseState {
+            position: Vector3::from(state.position.map(|axis| axis[lane])),
+            orientation: UnitQuaternion::from_quaternion(quaternion),
+            linear_velocity: get_vector(&state.velocity.linear, lane),
+            angular_velocity: get_vector(&state.velocity.angular, lane),
+        }
+    }
+
+    fn foot_force(&self, world: usize, foot: usize) -> Vector3<f64> {
+        let state = &self.groups[world / L::WIDTH].state;
+        let force = |body: usize| get_vector(&state.ground_force[body], world % L::WIDTH);
+        self.feet[foot].map_or_else(Vector3::zeros, force)
+    }
+
+    fn push(&mut self, world: usize, force: Vector3<f64>) {
+        set_vector(
+            &mut self.groups[world / L::WIDTH].parameters.push,
+            world % L::WIDTH,
+            force,
+        );
+    }
+
+    fn is_finite(&self, world: usize) -> bool {
+        let lane = world % L::WIDTH;
+        let state = &self.groups[world / L::WIDTH].state;
+        let q = &state.orientation;
+        state.broken.get(lane) == 0.0
+            && state.position.iter().all(|axis| axis[lane].is_finite())
+            && [q.w, q.x, q.y, q.z]
+                .iter()
+                .chain(&state.joint_position)
+                .all(|x| x.get(lane).is_finite())
+    }
+
+    fn save(&self, world: usize, bytes: &mut Vec<u8>) {
+        let lane = world % L::WIDTH;
+        let group = &self.groups[world / L::WIDTH];
+        bytes.extend(self.tag());
+        for axis in &group.state.position {
+            bytes.extend(axis[lane].to_le_bytes());
+        }
+        for number in group.lanes() {
+            bytes.extend(number.get(lane).to_le_bytes());
+        }
+    }
+
+    fn load(&mut self, world: usize, bytes: &[u8]) -> Result<(), String> {
+        let tag = self.tag();
+        let lane = world % L::WIDTH;
+        let group = &mut self.groups[world / L::WIDTH];
+        let numbers = 3 + group.lanes().count();
+        let Some(body) = bytes.strip_prefix(&tag).filter(|body| body.len() == 8 * numbers) else {
+            return Err(format!(
+                "not a world of this robot in lanes of {}: {} bytes instead of {}, or another header",
+                if L::DOUBLE { "f64" } else { "f32" },
+                bytes.len(),
+                tag.len() + 8 * numbers
+            ));
+        };
+        let mut values = body
+            .chunks_exact(8)
+            .map(|chunk| f64::from_le_bytes(chunk.try_into().unwrap_or_default()));
+        for (axis, value) in group.state.position.iter_mut().zip(&mut values) {
+            axis[lane] = value;
+        }
+        for (number, value) in group.lanes_mut().zip(values) {
+            number.set(lane, value);
+        }
+        self.store_world(world);
+        Ok(())
+    }
+}
+
+impl<L: Kernel> Batch<L> {
+    /// Marks saved worlds: engine and version, scalar, and the robot's size.
+    fn tag(&self) -> [u8; 8] {
+        let scalar = if L::DOUBLE { 8 } else { 4 };
+        let size = |n: usize| (n % 256) as u8;
+        [
+            b'l',
+            b'n',
+            b's',
+            1,
+            scalar,
+            size(self.model.links()),
+            size(self.model.dofs()),
+            size(self.model.points),
+        ]
+    }
+}

@@ -1,0 +1,74 @@
+//! Poses, motion subspaces and velocities from the base outward.
+
+use super::group::State;
+use super::lane::Lane;
+use super::model::{JointModel, Model};
+use super::spatial::{Mat3, Motion, Vec3, sin_cos};
+use super::work::{LinkWork, Work};
+use crate::robot::JointKind;
+
+/// Fills pose and velocity of every link, and the subspaces.
+#[inline(always)]
+pub fn place_links<L: Lane>(model: &Model<L>, state: &State<L>, work: &mut Work<L>) {
+    let base = &mut work.links[0];
+    base.rotation = Mat3::rotation(&state.orientation);
+    base.position = Vec3::zero();
+    base.velocity = state.velocity;
+    for (j, joint) in model.joints.iter().enumerate() {
+        let d = joint.dof - model.root;
+        let position = L::splat(joint.ratio).mul_add(state.joint_position[d], L::splat(joint.offset));
+        let parent = work.links[joint.parent];
+        let subspace = place(joint, position, &parent, &mut work.links[j + 1]);
+        work.subspaces[j] = subspace;
+        work.links[j + 1].velocity = parent.velocity.plus(subspace.times(state.joint_velocity[d]));
+    }
+    for (k, &(a, b)) in model.sums.iter().enumerate() {
+        work.subspaces[model.joints.len() + k] = work.subspaces[a].plus(work.subspaces[b]);
+    }
+}
+
+/// Places the joint's link and returns the joint's subspace.
+#[inline(always)]
+fn place<L: Lane>(joint: &JointModel<L>, position: L, parent: &LinkWork<L>, link: &mut LinkWork<L>) -> Motion<L> {
+    let origin = parent
+        .position
+        .plus(parent.rotation.apply(Vec3::splat(joint.translation)));
+    let axis = parent.rotation.apply(Vec3::splat(joint.axis));
+    let scaled = axis.times(L::splat(joint.ratio));
+    match joint.kind {
+        JointKind::Revolute => {
+            link.rotation = parent.rotation.multiply(&turned(joint, position));
+            link.position = origin;
+            Motion {
+                linear: origin.cross(scaled),
+                angular: scaled,
+            }
+        }
+        JointKind::Prismatic => {
+            link.rotation = parent.rotation.multiply(&constant(&joint.rest));
+            link.position = origin.plus_scaled(axis, position);
+            Motion {
+                linear: scaled,
+                angular: Vec3::zero(),
+            }
+        }
+    }
+}
+
+/// The child's rotation in the parent at `angle` (Rodrigues' formula).
+#[inline(always)]
+fn turned<L: Lane>(joint: &JointModel<L>, angle: L) -> Mat3<L> {
+    let (sin, cos) = sin_cos(angle);
+    let versine = L::of(1.0) - cos;
+    let row = |i: usize| {
+        Vec3::splat(joint.rest[i])
+            .plus_scaled(Vec3::splat(joint.turn_sin[i]), sin)
+            .plus_scaled(Vec3::splat(joint.turn_cos[i]), versine)
+    };
+    Mat3([row(0), row(1), row(2)])
+}
+
+#[inline(always)]
+fn constant<L: Lane>(m: &[[L::Scalar; 3]; 3]) -> Mat3<L> {
+    Mat3([Vec3::splat(m[0]), Vec3::splat(m[1]), Vec3::splat(m[2])])
+}

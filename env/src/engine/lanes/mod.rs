@@ -1,0 +1,229 @@
+//! Robots side by side in SIMD lanes: many worlds of one robot on one core.
+//!
+//! A vector register holds the same number of 16 (`f32`, AVX-512), 8 or 4 robots. They share the topology, so control
+//! flow is uniform, and differ in state, parameters, drives and contacts. Every lane computes the same operations
+//! whatever the others hold, so a world's bits depend neither on its lane nor on its neighbours, and a world that has
+//! gone non-finite stays alone.
+//!
+//! A step is: poses and bias forces (recursive Newton-Euler), mass matrix (composite rigid bodies), implicit drives
+//! on the diagonal, sparse factorisation, Gauss-Seidel sweeps over contacts, drive clamps, dry friction and limits in
+//! coordinates where all inertias are one, semi-implicit Euler. The modules explain their part: `model` (tree,
+//! couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`.
+
+mod contact;
+mod dynamics;
+mod engine;
+mod factor;
+mod group;
+mod joint;
+mod kinematics;
+mod lane;
+mod model;
+mod spatial;
+mod step;
+#[cfg(test)]
+mod tests;
+mod work;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{BaseState, Drive, Engine, JointState, Start, World};
+use crate::robot::Robot;
+use engine::Batch;
+
+/// The lane type: how many robots share a vector, in which scalar. Results depend on it, so a run records it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Simd {
+    /// Sixteen robots in `f32`; AVX-512.
+    F32x16,
+    /// Eight robots in `f32`; AVX2 and FMA.
+    F32x8,
+    /// Eight robots in `f64`; AVX-512.
+    F64x8,
+    /// Four robots in `f64`; AVX2 and FMA.
+    F64x4,
+    /// One robot at a time in `f64`; any processor.
+    Scalar,
+}
+
+impl Simd {
+    /// Every level, the fastest first.
+    pub const ALL: [Self; 5] = [Self::F32x16, Self::F32x8, Self::F64x8, Self::F64x4, Self::Scalar];
+
+    /// The fastest level this processor has.
+    pub fn detect() -> Self {
+        Self::ALL
+            .into_iter()
+            .find(|level| level.is_available())
+            .unwrap_or(Self::Scalar)
+    }
+
+    /// Whether this processor has the instructions.
+    pub fn is_available(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        {
+            let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            let avx512 = avx2
+                && is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512bw");
+            match self {
+                Self::F32x16 | Self::F64x8 => avx512,
+                Self::F32x8 | Self::F64x4 => avx2,
+                Self::Scalar => true,
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            self == Self::Scalar
+        }
+    }
+
+    /// Robots in a vector. Batches of a multiple of it leave no lane idle.
+    pub fn width(self) -> usize {
+        match self {
+            Self::F32x16 => 16,
+            Self::F32x8 | Self::F64x8 => 8,
+            Self::F64x4 => 4,
+            Self::Scalar => 1,
+        }
+    }
+
+    /// The name in configurations and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F32x16 => "f32x16",
+            Self::F32x8 => "f32x8",
+            Self::F64x8 => "f64x8",
+            Self::F64x4 => "f64x4",
+            Self::Scalar => "scalar",
+        }
+    }
+}
+
+/// A level that this processor does not have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("this processor has no instructions for `simd = \"{}\"`; the fastest it has is \"{}\"", .0.name(), Simd::detect().name())]
+pub struct Unavailable(pub Simd);
+
+/// Time spent in a phase of the step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phase {
+    /// What it does.
+    pub name: &'static str,
+    /// Wall time since [`Lanes::time_phases`], s.
+    pub seconds: f64,
+}
+
+/// A batch of worlds for one thread. For several threads make several batches: results do not depend on the split.
+///
+/// Until its first reset a world holds the robot at rest, without gravity.
+pub struct Lanes {
+    level: Simd,
+    batch: Level,
+}
+
+/// One variant a lane type.
+enum Level {
+    #[cfg(target_arch = "x86_64")]
+    F32x16(Box<Batch<lane::F32x16>>),
+    #[cfg(target_arch = "x86_64")]
+    F32x8(Box<Batch<lane::F32x8>>),
+    #[cfg(target_arch = "x86_64")]
+    F64x8(Box<Batch<lane::F64x8>>),
+    #[cfg(target_arch = "x86_64")]
+    F64x4(Box<Batch<lane::F64x4>>),
+    Scalar(Box<Batch<lane::Single>>),
+}
+
+/// Calls the batch behind the level.
+macro_rules! on {
+    ($level:expr, $batch:ident => $call:expr) => {
+        match $level {
+            #[cfg(target_arch = "x86_64")]
+            Level::F32x16($batch) => $call,
+            #[cfg(target_arch = "x86_64")]
+            Level::F32x8($batch) => $call,
+            #[cfg(target_arch = "x86_64")]
+            Level::F64x8($batch) => $call,
+            #[cfg(target_arch = "x86_64")]
+            Level::F64x4($batch) => $call,
+            Level::Scalar($batch) => $call,
+        }
+    };
+}
+
+impl Lanes {
+    /// `worlds` copies of `robot` at a physics step of `dt` seconds.
+    ///
+    /// # Errors
+    /// [`Unavailable`] when the processor lacks the instructions of `level`.
+    pub fn new(robot: &Robot, dt: f64, worlds: usize, level: Simd) -> Result<Self, Unavailable> {
+        if !level.is_available() {
+            return Err(Unavailable(level));
+        }
+        let batch = match level {
+            #[cfg(target_arch = "x86_64")]
+            Simd::F32x16 => Level::F32x16(Box::new(Batch::new(robot, dt, worlds))),
+            #[cfg(target_arch = "x86_64")]
+            Simd::F32x8 => Level::F32x8(Box::new(Batch::new(robot, dt, worlds))),
+            #[cfg(target_arch = "x86_64")]
+            Simd::F64x8 => Level::F64x8(Box::new(Batch::new(robot, dt, worlds))),
+            #[cfg(target_arch = "x86_64")]
+            Simd::F64x4 => Level::F64x4(Box::new(Batch::new(robot, dt, worlds))),
+            _ => Level::Scalar(Box::new(Batch::new(robot, dt, worlds))),
+        };
+        Ok(Self { level, batch })
+    }
+
+    /// The lane type.
+    pub fn level(&self) -> Simd {
+        self.level
+    }
+
+    /// Starts the clock that splits steps into phases.
+    pub fn time_phases(&mut self) {
+        on!(&mut self.batch, batch => batch.time_phases());
+    }
+
+    /// Time by phase; all zero unless [`Lanes::time_phases`] was called.
+    pub fn phases(&self) -> Vec<Phase> {
+        on!(&self.batch, batch => batch.phases())
+    }
+}
+
+impl Engine for Lanes {
+    fn worlds(&self) -> usize {
+        on!(&self.batch, batch => batch.worlds())
+    }
+    fn reset(&mut self, world: usize, start: &Start, model: &World) {
+        on!(&mut self.batch, batch => batch.reset(world, start, model));
+    }
+    fn step(&mut self, drive: &Drive) {
+        on!(&mut self.batch, batch => batch.step(drive));
+    }
+    fn joints(&self) -> &JointState {
+        on!(&self.batch, batch => batch.joints())
+    }
+    fn base(&self, world: usize) -> BaseState {
+        on!(&self.batch, batch => batch.base(world))
+    }
+    fn foot_force(&self, world: usize, foot: usize) -> Vector3<f64> {
+        on!(&self.batch, batch => batch.foot_force(world, foot))
+    }
+    fn push(&mut self, world: usize, force: Vector3<f64>) {
+        on!(&mut self.batch, batch => batch.push(world, force));
+    }
+    fn is_finite(&self, world: usize) -> bool {
+        on!(&self.batch, batch => batch.is_finite(world))
+    }
+    fn save(&self, world: usize, bytes: &mut Vec<u8>) {
+        on!(&self.batch, batch => batch.save(world, bytes));
+    }
+    fn load(&mut self, world: usize, bytes: &[u8]) -> Result<(), String> {
+        on!(&mut self.batch, batch => batch.load(world, bytes))
+    }
+}

@@ -1,0 +1,90 @@
+//! One physics step of a group of worlds.
+
+use super::contact;
+use super::dynamics;
+use super::factor;
+use super::group::Group;
+use super::joint;
+use super::kinematics;
+use super::lane::{Lane, MAX_WIDTH};
+use super::model::Model;
+use super::spatial::Vec3;
+use super::work::{Timer, Work};
+
+/// Gauss-Seidel sweeps over all contacts and joints, warm-started from the last step.
+pub const SWEEPS: usize = 10;
+
+/// No robot moves this fast, m/s or rad/s: a world that does is broken.
+const SPEED_BOUND: f64 = 1e4;
+
+/// Semi-implicit Euler: velocities from the forces at the old positions (springs, dampers and constraints at the new
+/// ones), then positions from the new velocities.
+#[inline(always)]
+pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>, timer: &mut Timer) {
+    timer.start();
+    kinematics::place_links(model, &group.state, work);
+    timer.lap(0);
+    dynamics::bias_force(model, group, work);
+    timer.lap(1);
+    dynamics::mass_matrix(model, work);
+    dynamics::smooth_impulse(model, group, work);
+    joint::apply_drives(model, group, work);
+    timer.lap(2);
+    factor::factor(&model.rows, &mut work.mass_matrix, &mut work.inverse_diagonal);
+    factor::half_solve(&model.rows, &work.mass_matrix, &work.inverse_diagonal, &mut work.change);
+    // Adding a zero impulse must not change a bit, so there is no negative zero to turn positive.
+    for u in &mut work.change {
+        *u += L::zero();
+    }
+    timer.lap(3);
+    contact::prepare(model, group, work);
+    timer.lap(4);
+    joint::prepare_rows(model, group, work);
+    timer.lap(5);
+    for _ in 0..SWEEPS {
+        contact::sweep(model, group, work);
+        joint::sweep(model, group, work);
+    }
+    contact::store_forces(model, group);
+    joint::store_torques(model, group, work);
+    factor::finish_solve(&model.rows, &work.mass_matrix, &work.inverse_diagonal, &mut work.change);
+    integrate(model, group, &work.change);
+    timer.lap(6);
+}
+
+/// Adds the change of velocity and moves the positions.
+#[inline(always)]
+fn integrate<L: Lane>(model: &Model<L>, group: &mut Group<L>, change: &[L]) {
+    let dt = L::of(model.dt);
+    let state = &mut group.state;
+    let mut fastest = L::zero();
+    for (d, x) in change[model.root..].iter().enumerate() {
+        let v = state.joint_velocity[d] + *x;
+        state.joint_velocity[d] = v;
+        state.joint_position[d] = dt.mul_add(v, state.joint_position[d]);
+        fastest = exceeding(v, fastest);
+    }
+    if model.floating {
+        let velocity = &mut state.velocity;
+        velocity.linear = velocity.linear.plus(Vec3::new(change[0], change[1], change[2]));
+        velocity.angular = velocity.angular.plus(Vec3::new(change[3], change[4], change[5]));
+        for v in velocity.array() {
+            fastest = exceeding(v, fastest);
+        }
+        state.orientation = state.orientation.turned(velocity.angular.times(dt));
+        let mut speed = [0.0; MAX_WIDTH];
+        for (position, v) in state.position.iter_mut().zip(velocity.linear.array()) {
+            v.store(&mut speed);
+            for (x, v) in position[..L::WIDTH].iter_mut().zip(&speed) {
+                *x += model.dt * v;
+            }
+        }
+    }
+    state.broken = state.broken.max(fastest);
+}
+
+/// 1 where `v` is too fast or not a number, else `worst`.
+#[inline(always)]
+fn exceeding<L: Lane>(v: L, worst: L) -> L {
+    v.abs().select_lt(L::of(SPEED_BOUND), worst, L::of(1.0))
+}

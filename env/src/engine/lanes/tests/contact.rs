@@ -1,0 +1,183 @@
+//! Ground contact against analytic results.
+
+use nalgebra::UnitQuaternion;
+
+use super::robots;
+use super::*;
+
+fn friction(tangential: f64, torsional: f64, rolling: f64) -> Friction {
+    Friction {
+        tangential,
+        torsional,
+        rolling,
+    }
+}
+
+#[test]
+fn weight_equals_contact_force_and_nothing_creeps_when_standing() {
+    let robot = robots::biped();
+    let weight = robot.mass() * GRAVITY;
+    let drive = hold(&robot);
+    for level in levels() {
+        for dt in [0.005, 0.001] {
+            let mut engine = single(&robot, dt, level, &start(&robot), &world(&robot));
+            let steps = (60.0 / dt) as usize;
+            let mut settled = None;
+            for step in 0..steps {
+                engine.step(&drive);
+                let force = engine.foot_force(0, 0) + engine.foot_force(0, 1);
+                if step == steps / 6 {
+                    settled = Some(engine.base(0));
+                }
+                if step > steps / 6 {
+                    assert!(
+                        (force.z / weight - 1.0).abs() < 1e-3,
+                        "{} at {dt}: {force}",
+                        level.name()
+                    );
+                    assert!(force.xy().norm() < 1e-3 * weight);
+                }
+            }
+            let (first, last) = (settled.expect("a step at 10 s"), engine.base(0));
+            let creep = (last.position - first.position).norm() / 50.0;
+            assert!(creep < 1e-4, "{} at {dt}: creeps at {creep} m/s", level.name());
+            let turn = first.orientation.angle_to(&last.orientation) / 50.0;
+            assert!(turn < 1e-4, "{} at {dt}: turns at {turn} rad/s", level.name());
+        }
+    }
+}
+
+#[test]
+fn block_stops_after_the_distance_that_friction_gives() {
+    let robot = robots::block(3.0, [0.3, 0.2, 0.1]);
+    let (speed, mu) = (1.0, 0.5);
+    let expected = speed * speed / (2.0 * mu * GRAVITY);
+    for level in levels() {
+        for dt in [0.004, 0.002, 0.001] {
+            let mut begin = start(&robot);
+            let heading = Vector3::new(0.8, 0.6, 0.0);
+            begin.linear_velocity = heading * speed;
+            let world = World {
+                friction: friction(mu, 0.01, 0.01),
+                ..world(&robot)
+            };
+            let mut engine = single(&robot, dt, level, &begin, &world);
+            for _ in 0..(1.0 / dt) as usize {
+                engine.step(&Drive::idle(0, 1));
+            }
+            let way = engine.base(0).position - begin.position;
+            // The velocity is constant over a step: half a step's worth of the first, and at most one of the last.
+            assert!(
+                (way.dot(&heading) - expected).abs() < speed * dt,
+                "{} at {dt}: {way}",
+                level.name()
+            );
+            assert!(way.cross(&heading).xy().norm() < speed * dt);
+            assert!(engine.base(0).linear_velocity.norm() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn spinning_block_stops_after_the_angle_that_torsional_friction_gives() {
+    let (mass, size) = (3.0, [0.3, 0.3, 0.1]);
+    let robot = robots::block(mass, size);
+    let (rate, mu) = (2.0, 0.03);
+    let inertia = robot.links[0].inertial.inertia[(2, 2)];
+    let expected = 0.5 * inertia * rate * rate / (mu * mass * GRAVITY);
+    for level in levels() {
+        for dt in [0.004, 0.002, 0.001] {
+            let mut begin = start(&robot);
+            begin.angular_velocity = Vector3::z() * rate;
+            let world = World {
+                friction: friction(0.0, mu, 0.0),
+                ..world(&robot)
+            };
+            let mut engine = single(&robot, dt, level, &begin, &world);
+            for _ in 0..(1.0 / dt) as usize {
+                engine.step(&Drive::idle(0, 1));
+            }
+            let angle = engine.base(0).orientation.scaled_axis().z;
+            assert!(
+                (angle - expected).abs() < rate * dt,
+                "{} at {dt}: {angle} of {expected}",
+                level.name()
+            );
+            assert!(engine.base(0).angular_velocity.norm() < 1e-3);
+        }
+    }
+}
+
+/// Angle by which a block on its edge has turned in `seconds`, with the centre of mass `offset` metres beside the edge.
+fn tipping(level: Simd, dt: f64, rolling: f64, offset: f64, seconds: f64) -> f64 {
+    let (width, height) = (0.1, 0.3);
+    let robot = robots::block(2.0, [width, 0.2, height]);
+    // Turned about y over the edge x = width / 2 until the centre of mass is `offset` beyond it.
+    let reach = (0.5 * width).hypot(0.5 * height);
+    let tilt = (0.5 * width).atan2(0.5 * height) + (offset / reach).asin();
+    let orientation = UnitQuaternion::from_scaled_axis(Vector3::y() * tilt);
+    let edge = orientation * Vector3::new(0.5 * width, 0.0, -0.5 * height);
+    let begin = Start {
+        position: -edge,
+        orientation,
+        ..start(&robot)
+    };
+    let world = World {
+        friction: friction(0.8, 0.0, rolling),
+        ..world(&robot)
+    };
+    let mut engine = single(&robot, dt, level, &begin, &world);
+    for _ in 0..(seconds / dt) as usize {
+        engine.step(&Drive::idle(0, 1));
+    }
+    engine.base(0).orientation.angle_to(&orientation)
+}
+
+#[test]
+fn foot_on_its_edge_tips_without_rolling_friction() {
+    for level in levels() {
+        for offset in [-0.005, 0.005] {
+            let angle = tipping(level, 0.002, 0.0, offset, 2.0);
+            assert!(angle > 0.2, "{}: {angle} rad from {offset} m", level.name());
+        }
+    }
+}
+
+#[test]
+fn foot_on_its_edge_holds_while_the_com_is_within_the_rolling_coefficient() {
+    let mu = 0.01;
+    for level in levels() {
+        for dt in [0.005, 0.002] {
+            for sign in [-1.0, 1.0] {
+                let holds = tipping(level, dt, mu, 0.9 * mu * sign, 2.0);
+                assert!(holds < 5e-3, "{} at {dt}: turns by {holds} rad", level.name());
+                let falls = tipping(level, dt, mu, 1.2 * mu * sign, 2.0);
+                assert!(falls > 0.2, "{} at {dt}: turns by only {falls} rad", level.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn dropped_block_comes_to_rest_on_the_ground() {
+    let robot = robots::block(3.0, [0.3, 0.2, 0.1]);
+    for level in levels() {
+        for dt in [0.005, 0.001] {
+            let mut begin = start(&robot);
+            begin.position.z += 0.5;
+            let mut engine = single(&robot, dt, level, &begin, &world(&robot));
+            for _ in 0..(2.0 / dt) as usize {
+                engine.step(&Drive::idle(0, 1));
+            }
+            let base = engine.base(0);
+            // Sinks in by its weight over four points of 1e5 N/m.
+            let depth = 0.05 - base.position.z;
+            assert!(
+                (depth - 3.0 * GRAVITY / 4e5).abs() < 1e-5,
+                "{} at {dt}: {depth}",
+                level.name()
+            );
+            assert!(base.linear_velocity.norm() < 1e-4);
+        }
+    }
+}

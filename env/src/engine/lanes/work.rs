@@ -1,0 +1,199 @@
+//! Scratch memory of a step, shared by the groups of a batch, and the clock that splits a step into phases.
+
+use std::time::Instant;
+
+use super::lane::Lane;
+use super::model::Model;
+use super::spatial::{Force, Inertia, Mat3, Motion, Vec3};
+
+/// A link's pose (position relative to the base link's origin) and motion.
+#[derive(Clone, Copy)]
+pub struct LinkWork<L> {
+    pub rotation: Mat3<L>,
+    pub position: Vec3<L>,
+    pub velocity: Motion<L>,
+    /// Acceleration with the joints' and the base's set to zero, less gravity.
+    pub acceleration: Motion<L>,
+    /// Force that this acceleration takes, of the link and all below it.
+    pub force: Force<L>,
+    /// Inertia of the link and, after the inward pass, of all below it.
+    pub inertia: Inertia<L>,
+}
+
+/// What a degree of freedom's drive, dry friction and limits need during the sweeps.
+#[derive(Clone, Copy)]
+pub struct JointRow<L> {
+    /// Velocity per unit of impulse at the joint, and its inverse.
+    pub response: L,
+    pub inverse_response: L,
+    /// Impulse of the unclamped drive at the old velocity, and what it loses per unit of velocity change.
+    pub drive_impulse: L,
+    pub drive_slope: L,
+    /// The clamp as impulses.
+    pub drive_min: L,
+    pub drive_max: L,
+    /// `drive_impulse` after the clamp.
+    pub drive_start: L,
+    /// 1 where the drive is implicit on the diagonal, 0 where it was expected to saturate.
+    pub implicit: L,
+    /// Drive impulse beyond the implicit or constant one.
+    pub drive_extra: L,
+    /// Factors of the drive's row, see [`super::joint`].
+    pub drive_gain: L,
+    pub drive_relax: L,
+    /// Largest impulse of dry friction.
+    pub friction: L,
+    /// Velocities that the limits allow.
+    pub velocity_min: L,
+    pub velocity_max: L,
+}
+
+/// A contact body during the sweeps.
+pub struct BodyWork<L: Lane> {
+    /// Whether any point of any lane may touch; a body that is not costs nothing.
+    pub active: bool,
+    /// Half-solved unit wrenches at the reference point, one row a degree of freedom of the path.
+    pub columns: Vec<[L; 6]>,
+    /// Twist at the reference point per unit of wrench there.
+    pub response: [[L; 6]; 6],
+    /// Twist at the reference point before the step.
+    pub velocity: [L; 6],
+    pub points: Vec<PointWork<L>>,
+}
+
+/// A contact point during the sweeps.
+#[derive(Clone, Copy)]
+pub struct PointWork<L> {
+    /// From the body's reference point, m.
+    pub arm: Vec3<L>,
+    /// Largest normal impulse: zero where the point is out of reach.
+    pub normal_max: L,
+    /// Velocity at which the normal impulse would vanish, negated.
+    pub bias: L,
+    /// Twist at the reference point per unit of normal impulse.
+    pub normal_response: [L; 6],
+    pub normal_step: L,
+    /// Inverse of the frictional block in scaled coordinates, lower triangle by rows.
+    pub friction_inverse: [[L; 5]; 5],
+    /// Step of the projected gradient where the point slips.
+    pub slip_step: L,
+}
+
+/// Scratch memory of a step.
+pub struct Work<L: Lane> {
+    pub links: Vec<LinkWork<L>>,
+    pub subspaces: Vec<Motion<L>>,
+    /// The packed mass matrix, then its factor.
+    pub mass_matrix: Vec<L>,
+    pub inverse_diagonal: Vec<L>,
+    /// Generalised bias force.
+    pub bias: Vec<L>,
+    /// Generalised impulse, then half-solved, then the change of velocity.
+    pub change: Vec<L>,
+    /// Half-solved unit impulses of the degrees of freedom, packed like the mass matrix.
+    pub columns: Vec<L>,
+    pub rows: Vec<JointRow<L>>,
+    pub bodies: Vec<BodyWork<L>>,
+}
+
+impl<L: Lane> Work<L> {
+    pub fn new(model: &Model<L>) -> Self {
+        let o = L::zero();
+        let link = LinkWork {
+            rotation: Mat3::identity(),
+            position: Vec3::zero(),
+            velocity: Motion::zero(),
+            acceleration: Motion::zero(),
+            force: Force::zero(),
+            inertia: Inertia::zero(),
+        };
+        let row = JointRow {
+            response: o,
+            inverse_response: o,
+            drive_impulse: o,
+            drive_slope: o,
+            drive_min: o,
+            drive_max: o,
+            drive_start: o,
+            implicit: o,
+            drive_extra: o,
+            drive_gain: o,
+            drive_relax: o,
+            friction: o,
+            velocity_min: o,
+            velocity_max: o,
+        };
+        let point = PointWork {
+            arm: Vec3::zero(),
+            normal_max: o,
+            bias: o,
+            normal_response: [o; 6],
+            normal_step: o,
+            friction_inverse: [[o; 5]; 5],
+            slip_step: o,
+        };
+        let body = |body: &super::model::ContactBody<L>| BodyWork {
+            active: false,
+            columns: vec![[o; 6]; body.path.len()],
+            response: [[o; 6]; 6],
+            velocity: [o; 6],
+            points: vec![point; body.points.len()],
+        };
+        Self {
+            links: vec![link; model.links()],
+            subspaces: vec![Motion::zero(); model.joints.len() + model.sums.len()],
+            mass_matrix: vec![o; model.entries],
+            inverse_diagonal: vec![o; model.dofs()],
+            bias: vec![o; model.dofs()],
+            change: vec![o; model.dofs()],
+            columns: vec![o; model.entries],
+            rows: vec![row; model.limits.len()],
+            bodies: model.bodies.iter().map(body).collect(),
+        }
+    }
+}
+
+/// Phases of a step in order.
+pub const PHASES: [&str; 7] = [
+    "kinematics",
+    "bias force",
+    "mass matrix",
+    "factorisation",
+    "contact setup",
+    "joint setup",
+    "sweeps and finish",
+];
+
+/// Wall time by phase, kept only when asked for.
+pub struct Timer {
+    pub enabled: bool,
+    pub seconds: [f64; PHASES.len()],
+    last: Instant,
+}
+
+impl Timer {
+    pub fn new() -> Self {
+        Self {
+            enabled: false,
+            seconds: [0.0; PHASES.len()],
+            last: Instant::now(),
+        }
+    }
+
+    #[inline(always)]
+    pub fn start(&mut self) {
+        if self.enabled {
+            self.last = Instant::now();
+        }
+    }
+
+    /// Books the time since the last call on `phase`.
+    #[inline(always)]
+    pub fn lap(&mut self, phase: usize) {
+        if self.enabled {
+            let now = Instant::now();
+            self.seconds[phase] += (now - self.last).as_secs_f64();
+            self.last = now;
+        }
+    }
+}
