@@ -7,38 +7,74 @@
 //! v_base = -(omega x p + p')          (base frame)
 //! ```
 //!
-//! Which corners rest is not all or nothing: at heel strike, on an edge and in double support several share the lowest
-//! place, and encoder noise of 1e-3 rad at the end of a leg is a millimetre of height. So every corner of every sole votes with
-//! the weight `exp(-(h / s)^2 / 2)` of its height h over the lowest corner along gravity, [`HEIGHT_SCALE`] = s: equal within noise, gone for
-//! a foot in swing, and smooth in between.
+//! Every corner of every sole gives such a velocity; the estimate is their mean with weights `exp(-E)`,
+//!
+//! ```text
+//! E = h^2 / (2 s_h^2) + d^2 / (2 s_v^2 + d^2 / E_max)
+//! ```
+//!
+//! h is the corner's height over the lowest along gravity, s_h = [`HEIGHT_SCALE`]; d is the difference of its velocity from the
+//! previous estimate, s_v = [`VELOCITY_SCALE`]. Height alone is not enough: around touchdown the foot in swing is within millimetres of
+//! the ground while it still moves, and joint offsets of 0.01 rad make it look like the lower one. Its velocity gives it away, as a base
+//! does not jump. The velocity term is bounded by E_max = [`VELOCITY_TERM_MAX`], so that a corner higher than
+//! `s_h sqrt(2 E_max)` (16 mm) never outvotes the lowest: a wrong previous estimate cannot keep itself alive. Only differences of E count: a push that
+//! changes the velocity at once raises the E of all resting corners alike.
 
 use libm::expf;
 
 use crate::{
     kinematics::Sole,
-    math::{Vec3, add, cross, dot, scale},
+    math::{Vec3, add, cross, dot, is_finite, scale},
 };
 
-/// Height over the lowest corner at which a corner counts 0.6 as much, m.
+/// Height over the lowest corner at which a corner counts 0.6 as much, m: above what encoder noise of 1e-3 rad does at
+/// the end of a leg, below the clearance of a step.
 pub const HEIGHT_SCALE: f32 = 4e-3;
 
-/// Velocity of the base origin in the base frame, m/s, from the soles of all legs, the gyro (base frame, rad/s)
-/// and the unit vector against gravity in the base frame. `None` without legs or when the readings give nothing finite.
-pub fn base_velocity(soles: impl Iterator<Item = Sole> + Clone, gyro: [f32; 3], up: [f32; 3]) -> Option<[f32; 3]> {
-    let corners = soles.flat_map(|sole| sole.corners.map(|corner| (sole, corner)));
-    let lowest = corners
+/// Difference from the previous estimate at which a corner's velocity counts 0.6 as much, m/s.
+pub const VELOCITY_SCALE: f32 = 0.05;
+
+/// Largest reduction of a corner's weight for its velocity, as an exponent.
+pub const VELOCITY_TERM_MAX: f32 = 8.0;
+
+/// Velocity of the base origin in the base frame, m/s, from the soles of all legs, the gyro (base frame, rad/s),
+/// the unit vector against gravity in the base frame and the previous velocity of the base (base frame, m/s).
+/// `None` without legs or when the readings give nothing finite.
+pub fn base_velocity(
+    soles: impl Iterator<Item = Sole> + Clone,
+    gyro: [f32; 3],
+    up: [f32; 3],
+    previous: [f32; 3],
+) -> Option<[f32; 3]> {
+    let lowest = soles
         .clone()
-        .map(|(_, corner)| dot(up, corner))
+        .flat_map(|sole| sole.corners)
+        .map(|corner| dot(up, corner))
         .fold(f32::INFINITY, f32::min);
-    let mut sum: Vec3 = [0.0; 3];
-    let mut total = 0.0;
-    for (sole, corner) in corners {
-        let height = (dot(up, corner) - lowest) / HEIGHT_SCALE;
-        let weight = expf(-0.5 * height * height);
-        let velocity = add(cross(gyro, corner), sole.velocity_at(corner));
-        sum = add(sum, scale(velocity, -weight));
+    let votes = soles
+        .flat_map(|sole| sole.corners.map(|corner| (corner, resting(&sole, corner, gyro))))
+        .map(|(corner, velocity)| {
+            let height = (dot(up, corner) - lowest) / HEIGHT_SCALE;
+            let change = add(velocity, scale(previous, -1.0));
+            let square = dot(change, change);
+            let penalty = square / (2.0 * VELOCITY_SCALE * VELOCITY_SCALE + square / VELOCITY_TERM_MAX);
+            (velocity, 0.5 * height * height + penalty)
+        });
+    let least = votes.clone().map(|(_, energy)| energy).fold(f32::INFINITY, f32::min);
+    let (mut sum, mut total): (Vec3, f32) = ([0.0; 3], 0.0);
+    for (velocity, energy) in votes {
+        let weight = expf(least - energy);
+        sum = add(sum, scale(velocity, weight));
         total += weight;
     }
     let mean = scale(sum, 1.0 / total);
-    (total >= 1.0 && crate::math::is_finite(&mean)).then_some(mean)
+    is_finite(&mean).then_some(mean)
 }
+
+/// Velocity of the base in the base frame if `point` of `sole` is at rest in the world.
+fn resting(sole: &Sole, point: Vec3, gyro: Vec3) -> Vec3 {
+    scale(add(cross(gyro, point), sole.velocity_at(point)), -1.0)
+}
+
+#[cfg(test)]
+mod tests;

@@ -253,7 +253,7 @@ impl Pipeline {
                     .legs
                     .iter()
                     .map(|leg| sole(leg, sensors.position, sensors.velocity));
-                base_velocity(soles, sensors.gyro, up)
+                base_velocity(soles, sensors.gyro, up, self.velocity[1])
             });
         if let Some(base) = base {
             let inertial = rotate_z(self.frame.heading, level(up, base));
