@@ -10,21 +10,30 @@
 #![no_std]
 
 extern crate alloc;
-#[cfg(test)]
+#[cfg(any(test, feature = "std"))]
 extern crate std;
 
+mod actor;
 pub mod attitude;
 pub mod estimator;
+pub mod file;
 mod filter;
+mod kernel;
 pub mod kinematics;
 mod math;
 mod mirror;
 mod pipeline;
+mod policy;
 mod spec;
 #[cfg(test)]
 mod testing;
 mod validate;
 
+pub use actor::{Activation, Actor, ActorError, Dense, Head, Inference};
+pub use file::FileError;
 pub use pipeline::{Pipeline, Sensors};
+pub use policy::{
+    Bounds, Controller, GOLDEN_TOLERANCE, Golden, GoldenAction, GoldenStep, Identity, Policy, PolicyError,
+};
 pub use spec::*;
 pub use validate::SpecError;

@@ -2,7 +2,10 @@
 
 use alloc::{format, string::String, vec, vec::Vec};
 
-use crate::spec::*;
+use crate::{
+    actor::{Activation, Actor, Dense, Head},
+    spec::*,
+};
 
 fn segment(translation: [f32; 3], axis: [f32; 3], joint: u16, multiplier: f32) -> Segment {
     Segment {
@@ -115,4 +118,34 @@ pub(crate) fn sliding_leg() -> Leg {
     leg.segments[5].offset = 0.3;
     leg.sole_rotation = [0.0, 0.0, 1.0, 0.0];
     leg
+}
+
+/// A network with made-up weights for `observation` entries and `actions` joints.
+pub(crate) fn actor(observation: usize, hidden: &[usize], actions: usize) -> Actor {
+    let mut state = 1u32;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+    };
+    let mut inputs = observation;
+    let widths: Vec<usize> = hidden.iter().copied().chain([2 * actions]).collect();
+    let layer = |&outputs: &usize| {
+        let scale = libm::sqrtf(3.0 / inputs as f32);
+        let weights = (0..inputs * outputs).map(|_| scale * next()).collect();
+        let layer = Dense {
+            inputs,
+            weights,
+            bias: (0..outputs).map(|_| 0.1 * next()).collect(),
+        };
+        inputs = outputs;
+        layer
+    };
+    Actor {
+        mean: vec![0.1; observation],
+        deviation: vec![0.7; observation],
+        clip: 10.0,
+        layers: widths.iter().map(layer).collect(),
+        activation: Activation::Tanh,
+        head: Head::Beta,
+    }
 }
