@@ -4,6 +4,22 @@
 //! A robot is a folder (or a single URDF): the URDF gives links, joints, limits and mimic couplings, the TOML
 //! everything a URDF cannot say. Units are SI and radians throughout; frames are the URDF's own.
 
+mod feet;
+mod joints;
+mod kinematics;
+mod load;
+mod mass;
+mod mirror;
+mod settings;
+mod source;
+mod tree;
+mod urdf;
+mod urdf_text;
+
+pub use kinematics::Kinematics;
+pub use load::load;
+pub use source::{ContentError, RobotError};
+
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
 /// How the base link is held.
@@ -207,6 +223,16 @@ impl Robot {
     /// Total mass, kg.
     pub fn mass(&self) -> f64 {
         self.links.iter().map(|link| link.inertial.mass).sum()
+    }
+
+    /// Degree of freedom, multiplier and offset behind each joint: `position = multiplier * q[dof] + offset`.
+    pub fn drivers(&self) -> Vec<(usize, f64, f64)> {
+        let dof = |joint| self.dofs.iter().position(|&other| other == joint).unwrap_or_default();
+        let driver = |(index, joint): (usize, &Joint)| match joint.mimic {
+            Some(mimic) => (dof(mimic.joint), mimic.multiplier, mimic.offset),
+            None => (dof(index), 1.0, 0.0),
+        };
+        self.joints.iter().enumerate().map(driver).collect()
     }
 
     /// Nominal positions of the degrees of freedom, rad or m.

@@ -1,0 +1,232 @@
+//! From files to a [`Robot`].
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use urdf_rs::JointType;
+
+use super::settings::Settings;
+use super::source::{RobotError, Source};
+use super::tree::{self, Tree};
+use super::urdf::Urdf;
+use super::{Base, Kinematics, Robot, feet, joints, mirror};
+
+/// Smallest inertia (kg m^2) or mass (kg) that a degree of freedom may move.
+const SMALLEST_INERTIA: f64 = 1e-12;
+
+/// Loads a robot: a folder with one `.urdf` and perhaps a `robot.toml` (or a `.toml` named like the folder), or a
+/// `.urdf` file with perhaps a `.toml` of the same name beside it.
+///
+/// Meshes are never opened. What had to be assumed is in [`Robot::notes`].
+///
+/// # Errors
+/// A missing or unreadable file, or anything in it that makes no robot, with the place in the file.
+pub fn load(path: &Path) -> Result<Robot, RobotError> {
+    let (urdf, toml) = files(path)?;
+    let urdf = Urdf::new(Source::read(&urdf)?)?;
+    let source = match &toml {
+        Some(toml) => Source::read(toml)?,
+        None => Source {
+            file: "(no TOML)".into(),
+            text: String::new(),
+        },
+    };
+    let mut robot = build(&urdf, &Settings::new(&source)?, &source)?;
+    if toml.is_none() {
+        robot
+            .notes
+            .insert(0, "no TOML beside the URDF: defaults are used".into());
+    }
+    Ok(robot)
+}
+
+/// The URDF and, if there is one, the TOML.
+fn files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), RobotError> {
+    let file = path.display().to_string();
+    let fault = |message: String, help: &str| RobotError::File {
+        file: file.clone(),
+        message,
+        help: help.into(),
+    };
+    if !path.is_dir() {
+        if path.extension().is_none_or(|extension| extension != "urdf") {
+            let help = "give a folder with a .urdf and a robot.toml, or a .urdf file";
+            let what = if path.exists() {
+                "neither a folder nor a .urdf file"
+            } else {
+                "does not exist"
+            };
+            return Err(fault(what.into(), help));
+        }
+        let toml = path.with_extension("toml");
+        return Ok((path.into(), toml.is_file().then_some(toml)));
+    }
+    let entries =
+        std::fs::read_dir(path).map_err(|error| fault(error.to_string(), "give a folder that can be read"))?;
+    let is_urdf = |file: &PathBuf| file.extension().is_some_and(|extension| extension == "urdf");
+    let mut urdfs: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_urdf).collect();
+    urdfs.sort();
+    let [urdf] = &urdfs[..] else {
+        return Err(fault(
+            format!("holds {} .urdf files", urdfs.len()),
+            "a robot folder holds exactly one",
+        ));
+    };
+    let named = path.file_name().map(|name| path.join(name).with_extension("toml"));
+    let toml = [Some(path.join("robot.toml")), named]
+        .into_iter()
+        .flatten()
+        .find(|file| file.is_file());
+    Ok((urdf.clone(), toml))
+}
+
+fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, RobotError> {
+    let held = joints::held(urdf, settings, source)?;
+    let (root, given_base, base_pose) = base(urdf);
+    let mut tree = Tree::new(urdf, root, &held)?;
+    tree.note_shapeless(urdf);
+    let mut notes = std::mem::take(&mut tree.notes);
+    let (joints, dofs) = joints::build(urdf, &tree, settings, source, &mut notes)?;
+    let policy = joints::policy(&joints, &dofs, settings, source, urdf, &mut notes)?;
+    let feet = feet::from_settings(settings, source, urdf, &tree)?;
+    let overlap = |pair: &[toml::Spanned<String>; 2]| {
+        let link = |name| feet::find_link(name, source, urdf, &tree).map(|(link, _)| link);
+        Ok((link(&pair[0])?, link(&pair[1])?))
+    };
+    let overlap_pairs = settings.overlap_pairs.iter().map(overlap).collect::<Result<_, _>>()?;
+    let name = urdf.robot.name.clone();
+    let base = Base::Fixed;
+    let mut links = std::mem::take(&mut tree.links);
+    for contact in &settings.contact {
+        let (link, frame) = feet::find_link(&contact.link, source, urdf, &tree)?;
+        links[link].contact_points.extend(
+            contact
+                .points
+                .get_ref()
+                .iter()
+                .map(|&point| frame * Point3::from(point)),
+        );
+    }
+    let mirror = None;
+    let mut robot = Robot {
+        name,
+        base,
+        base_pose,
+        links,
+        joints,
+        dofs,
+        policy,
+        feet,
+        mirror,
+        overlap_pairs,
+        notes,
+    };
+    check_masses(&robot, urdf, &tree)?;
+    if settings.foot.is_empty() && given_base != Some(Base::Fixed) {
+        robot.feet = feet::guess(&robot);
+        let names: Vec<&str> = robot.feet.iter().map(|foot| foot.name.as_str()).collect();
+        let found = if names.is_empty() {
+            "none found".into()
+        } else {
+            names.join(", ")
+        };
+        robot
+            .notes
+            .push(format!("feet, guessed from the lowest shapes: {found}"));
+    }
+    for foot in &robot.feet {
+        robot.links[foot.link].contact_points.extend(foot.corners());
+    }
+    set_base(&mut robot, settings.base.map(Base::from).or(given_base));
+    if robot.base == Base::Floating && robot.links[0].inertial.mass == 0.0 {
+        let message = format!("the floating base link `{}` has no mass", robot.links[0].name);
+        return Err(urdf.link_error(root, message, "give it an <inertial>, or set base = \"fixed\""));
+    }
+    if let Some(words) = &settings.mirror {
+        robot.mirror = Some(mirror::map(&robot, words, source)?);
+    }
+    Ok(robot)
+}
+
+/// The base link, and what the URDF says about how it is held: a floating joint from the root makes it float, a
+/// fixed joint from a massless `world` bolts it down.
+fn base(urdf: &Urdf) -> (usize, Option<Base>, Isometry3<f64>) {
+    let mut carried = (0..urdf.ends.len()).filter(|&joint| urdf.ends[joint].0 == urdf.root);
+    let (Some(joint), None) = (carried.next(), carried.next()) else {
+        return (urdf.root, None, Isometry3::identity());
+    };
+    let root = &urdf.robot.links[urdf.root];
+    let child = urdf.ends[joint].1;
+    match urdf.robot.joints[joint].joint_type {
+        JointType::Floating => (child, Some(Base::Floating), Isometry3::identity()),
+        JointType::Fixed if root.name == "world" && root.inertial.mass.value == 0.0 => (
+            child,
+            Some(Base::Fixed),
+            tree::isometry(&urdf.robot.joints[joint].origin),
+        ),
+        _ => (urdf.root, None, Isometry3::identity()),
+    }
+}
+
+/// Decides how the base is held, and lifts a floating one so that its lowest contact point touches the ground.
+fn set_base(robot: &mut Robot, given: Option<Base>) {
+    robot.base = given.unwrap_or_else(|| {
+        let (base, why) = match robot.feet.len() {
+            0 => (Base::Fixed, "fixed, as the robot has no feet"),
+            _ => (Base::Floating, "floating, as the robot has feet"),
+        };
+        robot.notes.push(format!("base: {why}"));
+        base
+    });
+    if robot.base == Base::Fixed {
+        return;
+    }
+    robot.base_pose = Isometry3::identity();
+    let kinematics = Kinematics::new(robot);
+    let lowest = |points: &dyn Fn(usize) -> Vec<Point3<f64>>| {
+        let heights = (0..robot.links.len())
+            .flat_map(|link| points(link).into_iter().map(move |point| (link, point)))
+            .map(|(link, point)| (kinematics.pose(link) * point).z);
+        heights.fold(f64::INFINITY, f64::min)
+    };
+    let contact = lowest(&|link| robot.links[link].contact_points.clone());
+    let shape = lowest(&|link| {
+        let down = kinematics.pose(link).rotation.inverse() * -Vector3::z();
+        robot.links[link]
+            .shapes
+            .iter()
+            .flat_map(|shape| shape.low_points(&down))
+            .collect()
+    });
+    let height = [contact, shape].into_iter().find(|height| height.is_finite());
+    robot.base_pose.translation.z = -height.unwrap_or(0.0);
+}
+
+/// Every degree of freedom must move mass: otherwise its acceleration is undefined.
+fn check_masses(robot: &Robot, urdf: &Urdf, tree: &Tree) -> Result<(), RobotError> {
+    let mut kinematics = Kinematics::new(robot);
+    let (mut rates, zero) = (vec![0.0; robot.dofs.len()], Vector3::zeros());
+    for dof in 0..robot.dofs.len() {
+        rates.fill(0.0);
+        rates[dof] = 1.0;
+        kinematics.set_velocity(robot, &zero, &zero, &rates);
+        let inertia: f64 = robot
+            .links
+            .iter()
+            .enumerate()
+            .map(|(i, link)| {
+                let (pose, angular) = (kinematics.pose(i), kinematics.angular_velocity(i));
+                let velocity = kinematics.velocity_at(i, &(pose * Point3::from(link.inertial.com)));
+                let spin = pose.rotation.inverse() * angular;
+                link.inertial.mass * velocity.norm_squared() + spin.dot(&(link.inertial.inertia * spin))
+            })
+            .sum();
+        if inertia < SMALLEST_INERTIA {
+            let joint = &tree.joints[robot.dofs[dof]];
+            let message = format!("joint `{}` moves no mass or inertia", robot.dof(dof).name);
+            let help = "give the links it moves an <inertial>, or make it fixed, locked or a mimic";
+            return Err(urdf.joint_error(joint.urdf, message, help));
+        }
+    }
+    Ok(())
+}

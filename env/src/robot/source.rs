@@ -1,0 +1,106 @@
+//! Text files from outside: bounded reading, and errors that point at the place in the text.
+
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use thiserror::Error;
+
+/// Largest URDF or TOML that is read, bytes. Real ones stay below 1 MiB.
+const MAX_BYTES: u64 = 8 << 20;
+
+/// Why a robot cannot be loaded.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RobotError {
+    /// A file cannot be found or read, or is not what a robot is made of.
+    #[error("{file}: {message}")]
+    File {
+        /// The file or folder.
+        file: String,
+        /// What is wrong.
+        message: String,
+        /// What would be right.
+        #[help]
+        help: String,
+    },
+    /// A file is there, but something in it is wrong.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Content(Box<ContentError>),
+}
+
+/// A fault at a place in a file.
+#[derive(Debug, Error, Diagnostic)]
+#[error("{file}:{line}:{column}: {message}")]
+pub struct ContentError {
+    /// The file.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// What is wrong.
+    pub message: String,
+    /// What would be right.
+    #[help]
+    pub help: String,
+    #[source_code]
+    text: NamedSource<String>,
+    #[label("here")]
+    span: SourceSpan,
+}
+
+/// A text file in memory, with its name for errors.
+pub(super) struct Source {
+    pub file: String,
+    pub text: String,
+}
+
+impl Source {
+    /// Reads a file of at most [`MAX_BYTES`].
+    pub fn read(path: &Path) -> Result<Self, RobotError> {
+        let file = path.display().to_string();
+        let fail = |message: String, help: &str| RobotError::File {
+            file: file.clone(),
+            message,
+            help: help.into(),
+        };
+        let unreadable = |error: std::io::Error| fail(error.to_string(), "give a file that can be read");
+        let mut bytes = Vec::new();
+        File::open(path)
+            .map_err(unreadable)?
+            .take(MAX_BYTES + 1)
+            .read_to_end(&mut bytes)
+            .map_err(unreadable)?;
+        if bytes.len() as u64 > MAX_BYTES {
+            return Err(fail(
+                format!("larger than {} MiB", MAX_BYTES >> 20),
+                "a robot's text files are small",
+            ));
+        }
+        let text = String::from_utf8(bytes).map_err(|_| fail("not UTF-8 text".into(), "save the file as UTF-8"))?;
+        Ok(Self { file, text })
+    }
+
+    /// An error at `range` (bytes) of the text.
+    pub fn error(&self, range: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> RobotError {
+        let start = (0..=range.start.min(self.text.len()))
+            .rfind(|&i| self.text.is_char_boundary(i))
+            .unwrap_or(0);
+        let before = &self.text[..start];
+        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        // A whole element can span pages: the label marks its first line only.
+        let line_end = self.text[start..].find('\n').map_or(self.text.len(), |at| start + at);
+        RobotError::Content(Box::new(ContentError {
+            file: self.file.clone(),
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+            message: message.into(),
+            help: help.into(),
+            text: NamedSource::new(&self.file, self.text.clone()),
+            span: (start..range.end.clamp(start, line_end)).into(),
+        }))
+    }
+}

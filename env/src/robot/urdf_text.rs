@@ -1,0 +1,208 @@
+//! Checks of a URDF's text, element by element, so that every fault is reported with its line.
+
+use std::collections::HashMap;
+
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::source::{RobotError, Source};
+
+/// Most links, and most joints, that a URDF may have.
+const MAX_LINKS: usize = 1000;
+/// Deepest nesting of XML elements. A URDF needs five levels, embedded simulator blocks a few more.
+const MAX_DEPTH: usize = 64;
+
+/// Attributes that hold finite numbers: element, attribute, how many.
+const NUMBERS: [(&str, &str, usize); 25] = [
+    ("origin", "xyz", 3),
+    ("origin", "rpy", 3),
+    ("origin", "quat_xyzw", 4),
+    ("mass", "value", 1),
+    ("inertia", "ixx", 1),
+    ("inertia", "ixy", 1),
+    ("inertia", "ixz", 1),
+    ("inertia", "iyy", 1),
+    ("inertia", "iyz", 1),
+    ("inertia", "izz", 1),
+    ("box", "size", 3),
+    ("sphere", "radius", 1),
+    ("cylinder", "radius", 1),
+    ("cylinder", "length", 1),
+    ("capsule", "radius", 1),
+    ("capsule", "length", 1),
+    ("axis", "xyz", 3),
+    ("limit", "lower", 1),
+    ("limit", "upper", 1),
+    ("limit", "effort", 1),
+    ("limit", "velocity", 1),
+    ("mimic", "multiplier", 1),
+    ("mimic", "offset", 1),
+    ("dynamics", "damping", 1),
+    ("dynamics", "friction", 1),
+];
+
+/// Attributes without which an element means nothing.
+const REQUIRED: [(&str, &[&str]); 13] = [
+    ("link", &["name"]),
+    ("joint", &["name", "type"]),
+    ("parent", &["link"]),
+    ("child", &["link"]),
+    ("mass", &["value"]),
+    ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]),
+    ("box", &["size"]),
+    ("sphere", &["radius"]),
+    ("cylinder", &["radius", "length"]),
+    ("capsule", &["radius", "length"]),
+    ("mimic", &["joint"]),
+    ("axis", &["xyz"]),
+    ("limit", &["velocity"]),
+];
+
+/// Child elements without which an element means nothing.
+const CHILDREN: [(&str, &[&str]); 4] = [
+    ("joint", &["parent", "child"]),
+    ("inertial", &["mass", "inertia"]),
+    ("collision", &["geometry"]),
+    ("visual", &["geometry"]),
+];
+
+/// A link of the text.
+pub(super) type Element<'a> = Node<'a, 'a>;
+
+/// Parses the text and checks nesting, counts, names, required parts and numbers.
+/// Returns the links and the joints in the order of the text.
+pub(super) fn check<'a>(
+    source: &'a Source,
+    document: &'a Document<'a>,
+) -> Result<(Vec<Element<'a>>, Vec<Element<'a>>), RobotError> {
+    let root = document.root_element();
+    if root.tag_name().name() != "robot" {
+        return Err(source.error(
+            root.range(),
+            format!("the root element is <{}>", root.tag_name().name()),
+            "a URDF's root element is <robot name=\"...\">",
+        ));
+    }
+    check_depth(source, root)?;
+    let named = |tag| {
+        root.children()
+            .filter(|node| node.has_tag_name(tag))
+            .collect::<Vec<_>>()
+    };
+    let (links, joints) = (named("link"), named("joint"));
+    for (tag, elements) in [("link", &links), ("joint", &joints)] {
+        if let Some(extra) = elements.get(MAX_LINKS) {
+            let message = format!("more than {MAX_LINKS} <{tag}> elements");
+            return Err(source.error(extra.range(), message, "merge what does not move"));
+        }
+        for element in elements {
+            element
+                .descendants()
+                .filter(Node::is_element)
+                .try_for_each(|node| check_element(source, node))?;
+        }
+        check_names(source, tag, elements)?;
+    }
+    if links.is_empty() {
+        return Err(source.error(
+            root.range(),
+            "the robot has no links",
+            "a robot has at least one <link>",
+        ));
+    }
+    Ok((links, joints))
+}
+
+/// Parses XML without document type definitions.
+pub(super) fn parse(source: &Source) -> Result<Document<'_>, RobotError> {
+    Document::parse_with_options(&source.text, ParsingOptions::default()).map_err(|error| {
+        let at = error.pos();
+        let line = source
+            .text
+            .split_inclusive('\n')
+            .take(at.row.saturating_sub(1) as usize);
+        let start = line.map(str::len).sum::<usize>() + at.col.saturating_sub(1) as usize;
+        source.error(
+            start..start,
+            format!("not XML: {error}"),
+            "a URDF is an XML file; close what is open here",
+        )
+    })
+}
+
+/// Refuses nesting that would make recursive readers overflow. Walks the tree without recursion.
+fn check_depth(source: &Source, root: Node) -> Result<(), RobotError> {
+    let (mut node, mut depth) = (root, 0);
+    loop {
+        if depth > MAX_DEPTH {
+            let message = format!("elements are nested more than {MAX_DEPTH} deep");
+            return Err(source.error(node.range(), message, "a URDF's links and joints are flat"));
+        }
+        if let Some(child) = node.first_child() {
+            (node, depth) = (child, depth + 1);
+            continue;
+        }
+        while node != root && node.next_sibling().is_none() {
+            let Some(parent) = node.parent() else { return Ok(()) };
+            (node, depth) = (parent, depth - 1);
+        }
+        match node.next_sibling() {
+            Some(sibling) if node != root => node = sibling,
+            _ => return Ok(()),
+        }
+    }
+}
+
+fn check_element(source: &Source, node: Node) -> Result<(), RobotError> {
+    let tag = node.tag_name().name();
+    let mut required = REQUIRED
+        .iter()
+        .filter(|(element, _)| *element == tag)
+        .flat_map(|(_, names)| *names);
+    if let Some(name) = required.find(|name| !node.has_attribute(**name)) {
+        let message = format!("<{tag}> has no `{name}`");
+        return Err(source.error(node.range(), message, format!("write <{tag} {name}=\"...\">")));
+    }
+    let mut children = CHILDREN
+        .iter()
+        .filter(|(element, _)| *element == tag)
+        .flat_map(|(_, names)| *names);
+    if let Some(name) = children.find(|name| !node.children().any(|child| child.has_tag_name(**name))) {
+        let message = format!("<{tag}> has no <{name}>");
+        return Err(source.error(node.range(), message, format!("add a <{name}> element")));
+    }
+    for (_, name, count) in NUMBERS.iter().filter(|(element, ..)| *element == tag) {
+        let Some(attribute) = node.attribute_node(*name) else {
+            continue;
+        };
+        let numbers: Option<Vec<f64>> = attribute
+            .value()
+            .split_whitespace()
+            .map(|word| word.parse().ok())
+            .collect();
+        let what = match numbers {
+            Some(numbers) if numbers.len() == *count && numbers.iter().all(|number| number.is_finite()) => continue,
+            Some(numbers) if numbers.len() == *count => "is not finite",
+            Some(_) => "has the wrong number of values",
+            None => "is not a number",
+        };
+        let message = format!("`{name}` of <{tag}> {what}: \"{}\"", attribute.value());
+        return Err(source.error(attribute.range(), message, format!("give {count} finite number(s)")));
+    }
+    Ok(())
+}
+
+fn check_names(source: &Source, tag: &str, elements: &[Element]) -> Result<(), RobotError> {
+    let mut seen = HashMap::new();
+    for element in elements {
+        let name = element.attribute("name").unwrap_or_default();
+        if name.is_empty() {
+            return Err(source.error(element.range(), format!("a <{tag}> without a name"), "give it a name"));
+        }
+        if let Some(first) = seen.insert(name, element) {
+            let line = element.document().text_pos_at(first.range().start).row;
+            let message = format!("the name `{name}` is given to two <{tag}> elements, first on line {line}");
+            return Err(source.error(element.range(), message, format!("each {tag} has a name of its own")));
+        }
+    }
+    Ok(())
+}
