@@ -1,8 +1,10 @@
 //! Adam (Kingma and Ba 2015) with bias correction.
 
+use std::ops::Range;
+
 use crate::{
     network::Tile,
-    simd::{self, Kernel, Simd},
+    simd::{self, Kernel, PANEL, Simd},
 };
 
 const FIRST_DECAY: f64 = 0.9;
@@ -31,14 +33,24 @@ impl Step {
         }
     }
 
-    /// Changes the tile's parameters.
+    /// Changes the tile's parameters, and brings its panels up to date one after the other, while they are in the
+    /// cache.
     pub(crate) fn apply(self, tile: &mut Tile) {
+        for first in (0..tile.outputs).step_by(PANEL) {
+            let end = (first + PANEL).min(tile.outputs);
+            self.apply_to(tile, first * tile.inputs..end * tile.inputs);
+            tile.pack_panel(first);
+        }
+        self.apply_to(tile, tile.outputs * tile.inputs..tile.parameters.len());
+    }
+
+    fn apply_to(self, tile: &mut Tile, range: Range<usize>) {
         simd::dispatch(Apply {
             step: self,
-            parameters: &mut tile.parameters,
-            gradient: &tile.gradient,
-            first: &mut tile.first_moment,
-            second: &mut tile.second_moment,
+            parameters: &mut tile.parameters[range.clone()],
+            gradient: &tile.gradient[range.clone()],
+            first: &mut tile.first_moment[range.clone()],
+            second: &mut tile.second_moment[range],
         });
     }
 }

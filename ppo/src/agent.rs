@@ -11,6 +11,7 @@ use crate::{
     network::{Network, Pass, Tile},
     normaliser::Normaliser,
     rollout::{Mirror, Rollout},
+    simd::PANEL,
     update::{Learned, Learner, UpdateStats},
 };
 
@@ -152,10 +153,10 @@ impl Agent {
                     observations,
                     actions,
                     width,
-                    |row, outputs, action| {
+                    |row, output, action| {
                         let mut random = ChaCha8Rng::seed_from_u64(keys[row]);
                         for (i, action) in action.iter_mut().enumerate() {
-                            *action = head.sample(outputs[i], outputs[width + i], &mut random);
+                            *action = head.sample(output(i), output(width + i), &mut random);
                         }
                     },
                 );
@@ -168,7 +169,7 @@ impl Agent {
                     observations,
                     values,
                     1,
-                    |_, outputs, value| value[0] = outputs[0],
+                    |_, output, value| value[0] = output(0),
                 )
             },
         );
@@ -188,9 +189,9 @@ impl Agent {
             observations,
             actions,
             width,
-            |_, outputs, action| {
+            |_, output, action| {
                 for (i, action) in action.iter_mut().enumerate() {
-                    *action = head.mode(outputs[i], outputs[width + i]);
+                    *action = head.mode(output(i), output(width + i));
                 }
             },
         );
@@ -209,8 +210,8 @@ impl Agent {
             observations,
             values,
             1,
-            |_, outputs, value| {
-                value[0] = outputs[0];
+            |_, output, value| {
+                value[0] = output(0);
             },
         );
     }
@@ -302,8 +303,8 @@ fn check_lengths(observation_len: usize, action_len: usize) -> Result<(), Invali
     check("action length", action_len)
 }
 
-/// Passes observations through a network in chunks and hands each row of outputs to `finish`, with the row's index and
-/// its part of `results`.
+/// Passes observations through a network in chunks and hands each row's index and outputs to
+/// `finish`, with its part of `results`.
 fn infer(
     network: &Network,
     normaliser: &Normaliser,
@@ -311,7 +312,7 @@ fn infer(
     observations: &[f32],
     results: &mut [f32],
     width: usize,
-    finish: impl Fn(usize, &[f32], &mut [f32]) + Sync,
+    finish: impl Fn(usize, &dyn Fn(usize) -> f32, &mut [f32]) + Sync,
 ) {
     let len = network.widths[0];
     let rows = observations.len() / len;
@@ -333,17 +334,14 @@ fn infer(
         .for_each(|(index, (pass, (from, to)))| {
             pass.rows = from.len() / len;
             for (row, from) in from.chunks_exact(len).enumerate() {
-                normaliser.apply(from, pass.input_mut(row, len));
+                for (panel, from) in from.chunks(PANEL).enumerate() {
+                    normaliser.apply(panel * PANEL, from, pass.inputs_mut().piece_mut(row, panel));
+                }
             }
             network.forward(pass);
             let outputs = pass.outputs();
-            for (row, (outputs, to)) in outputs
-                .data
-                .chunks(outputs.stride)
-                .zip(to.chunks_exact_mut(width))
-                .enumerate()
-            {
-                finish(index * ROWS + row, outputs, to);
+            for (row, to) in to.chunks_exact_mut(width).enumerate() {
+                finish(index * ROWS + row, &|column| outputs.get(row, column), to);
             }
         });
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::simd::{self, Kernel, Simd};
+use crate::simd::{self, Kernel, PANEL, Simd};
 
 /// Non-linearity of the hidden layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,11 +57,25 @@ fn exp<S: Simd>(x: f32) -> f32 {
 }
 
 struct Forward<'a> {
-    rows: usize,
     values: &'a mut [f32],
-    stride: usize,
+    panel: usize,
+    rows: usize,
     bias: &'a [f32],
     activation: Option<Activation>,
+}
+
+impl Forward<'_> {
+    #[inline(always)]
+    fn each(self, function: impl Fn(f32) -> f32) {
+        for (panel, bias) in self.values.chunks_mut(self.panel).zip(self.bias.chunks(PANEL)) {
+            // The last panel's bias is filled up; what it does to the filling of the values is never read.
+            let mut full = [0.0; PANEL];
+            full[..bias.len()].copy_from_slice(bias);
+            for row in panel.chunks_exact_mut(PANEL).take(self.rows) {
+                row.iter_mut().zip(&full).for_each(|(y, b)| *y = function(*y + b));
+            }
+        }
+    }
 }
 
 impl Kernel for Forward<'_> {
@@ -69,39 +83,47 @@ impl Kernel for Forward<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self) {
-        for row in self.values.chunks_mut(self.stride).take(self.rows) {
-            let pairs = row.iter_mut().zip(self.bias);
-            match self.activation {
-                None => pairs.for_each(|(y, b)| *y += b),
-                Some(Activation::Tanh) => pairs.for_each(|(y, b)| *y = tanh::<S>(*y + b)),
-                Some(Activation::Relu) => pairs.for_each(|(y, b)| *y = (*y + b).max(0.0)),
-                Some(Activation::Elu) => pairs.for_each(|(y, b)| {
-                    let x = *y + b;
-                    *y = if x > 0.0 { x } else { exp::<S>(x.min(0.0)) - 1.0 };
-                }),
-            }
+        match self.activation {
+            None => self.each(|x| x),
+            Some(Activation::Tanh) => self.each(|x| tanh::<S>(x)),
+            Some(Activation::Relu) => self.each(|x| x.max(0.0)),
+            Some(Activation::Elu) => self.each(|x| if x > 0.0 { x } else { exp::<S>(x.min(0.0)) - 1.0 }),
         }
     }
 }
 
-/// Adds the bias to each row of `values` and applies the activation, if any.
-pub(crate) fn activate(values: &mut [f32], stride: usize, rows: usize, bias: &[f32], activation: Option<Activation>) {
+/// Adds the bias to rows of values in panels and applies the activation, if any.
+pub(crate) fn activate(values: &mut [f32], panel: usize, rows: usize, bias: &[f32], activation: Option<Activation>) {
     simd::dispatch(Forward {
-        rows,
         values,
-        stride,
+        panel,
+        rows,
         bias,
         activation,
     });
 }
 
 struct Backward<'a> {
-    rows: usize,
-    width: usize,
     gradient: &'a mut [f32],
     outputs: &'a [f32],
-    stride: usize,
+    panel: usize,
+    rows: usize,
     activation: Activation,
+}
+
+impl Backward<'_> {
+    #[inline(always)]
+    fn each(self, function: impl Fn(f32, f32) -> f32) {
+        for (gradient, outputs) in self
+            .gradient
+            .chunks_mut(self.panel)
+            .zip(self.outputs.chunks(self.panel))
+        {
+            let count = self.rows * PANEL;
+            let pairs = gradient[..count].iter_mut().zip(&outputs[..count]);
+            pairs.for_each(|(gradient, &output)| *gradient = function(*gradient, output));
+        }
+    }
 }
 
 impl Kernel for Backward<'_> {
@@ -109,36 +131,21 @@ impl Kernel for Backward<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self) {
-        let rows = self
-            .gradient
-            .chunks_mut(self.stride)
-            .zip(self.outputs.chunks(self.stride));
-        for (gradient, outputs) in rows.take(self.rows) {
-            let pairs = gradient[..self.width].iter_mut().zip(&outputs[..self.width]);
-            match self.activation {
-                Activation::Tanh => pairs.for_each(|(g, y)| *g *= 1.0 - y * y),
-                Activation::Relu => pairs.for_each(|(g, y)| *g = if *y > 0.0 { *g } else { 0.0 }),
-                Activation::Elu => pairs.for_each(|(g, y)| *g *= if *y > 0.0 { 1.0 } else { y + 1.0 }),
-            }
+        match self.activation {
+            Activation::Tanh => self.each(|g, y| g * (1.0 - y * y)),
+            Activation::Relu => self.each(|g, y| if y > 0.0 { g } else { 0.0 }),
+            Activation::Elu => self.each(|g, y| if y > 0.0 { g } else { g * (y + 1.0) }),
         }
     }
 }
 
-/// Turns the gradient by an activation's output into that by its input, given the outputs.
-pub(crate) fn differentiate(
-    gradient: &mut [f32],
-    outputs: &[f32],
-    stride: usize,
-    rows: usize,
-    width: usize,
-    activation: Activation,
-) {
+/// Turns the gradient by an activation's output into that by its input, given the outputs, all in panels.
+pub(crate) fn differentiate(gradient: &mut [f32], outputs: &[f32], panel: usize, rows: usize, activation: Activation) {
     simd::dispatch(Backward {
-        rows,
-        width,
         gradient,
         outputs,
-        stride,
+        panel,
+        rows,
         activation,
     });
 }
@@ -148,8 +155,8 @@ mod tests {
     use super::*;
 
     fn apply(activation: Activation, x: f32) -> f32 {
-        let mut y = [x];
-        activate(&mut y, 1, 1, &[0.0], Some(activation));
+        let mut y = [x; PANEL];
+        activate(&mut y, PANEL, 1, &[0.0; PANEL], Some(activation));
         y[0]
     }
 

@@ -9,9 +9,12 @@
 
 mod adam;
 mod agent;
+mod bench;
 mod config;
 mod distribution;
 mod elementwise;
+#[cfg(test)]
+mod finite_differences;
 mod gae;
 mod matrix;
 mod network;
@@ -23,6 +26,7 @@ mod state;
 mod update;
 
 pub use agent::{Agent, Layer, Policy};
+pub use bench::{BenchResult, bench};
 pub use config::{Activation, Config, Head, InvalidConfig, Schedule};
 pub use distribution::{Beta, Differentiated, Gaussian};
 pub use rollout::{End, Mirror, Rollout};

@@ -1,53 +1,92 @@
-//! Matrix products over packed panels.
+//! Matrices in panels, and their products.
 //!
-//! The right operand is packed: its columns in groups of [`PANEL`], each group stored row after row, the last one
-//! filled up with zeros. Weights are packed once after each optimiser step and used by every chunk of rows, and
-//! nothing is allocated in a product; a general library does both per call. Each element of a product is summed over the
-//! depth in one order, whatever the number of rows, so a sample's output does not depend on its neighbours.
+//! A panel is [`PANEL`] columns of a matrix, stored row after row; the last panel of a matrix is filled up with zeros.
+//! Values, their gradients and the packed weights all have this form, so that every operand of every product is read
+//! from one end to the other, no operand is rearranged in a product, and nothing is allocated. A general library does
+//! both in each call. Each element of a product is summed over the depth in one order, whatever the number of rows, so
+//! a sample's output does not depend on its neighbours.
 
-use crate::simd::{self, Kernel, Left, PANEL, Simd};
+use crate::simd::{self, Kernel, Left, Out, PANEL, Simd};
 
-/// Depth of a block of the product: a panel of it stays in the first-level cache.
+/// Depth of a block of the product: a panel of it stays in the first-level cache. A multiple of [`PANEL`].
 const DEPTH: usize = 256;
 
-/// Length of `rows x columns` packed in panels.
-pub(crate) fn packed_len(rows: usize, columns: usize) -> usize {
+/// Length of `rows x columns` in panels.
+pub(crate) fn panels_len(rows: usize, columns: usize) -> usize {
     rows * columns.next_multiple_of(PANEL)
 }
 
-/// Floats between rows of a buffer of the given width: not a power of two, which would crowd a few cache sets.
-pub(crate) fn stride(width: usize) -> usize {
-    width.next_multiple_of(16) + 16
+/// A matrix in panels with room for a number of rows.
+pub(crate) struct Panels {
+    pub data: Vec<f32>,
+    /// Floats from a panel to the next.
+    pub panel: usize,
 }
 
-/// Packs a row-major matrix.
-pub(crate) fn pack(from: &[f32], from_stride: usize, rows: usize, columns: usize, to: &mut [f32]) {
-    for (panel, to) in to.chunks_exact_mut(rows * PANEL).enumerate() {
-        let first = panel * PANEL;
-        let count = (columns - first).min(PANEL);
-        for (row, to) in to.chunks_exact_mut(PANEL).enumerate() {
-            let from = &from[row * from_stride + first..][..count];
-            to[..count].copy_from_slice(from);
-            to[count..].fill(0.0);
+impl Panels {
+    /// Zeros.
+    pub(crate) fn new(rows: usize, columns: usize) -> Self {
+        Self {
+            data: vec![0.0; panels_len(rows, columns)],
+            panel: rows * PANEL,
+        }
+    }
+
+    /// An element.
+    #[inline]
+    pub(crate) fn get(&self, row: usize, column: usize) -> f32 {
+        self.data[column / PANEL * self.panel + row * PANEL + column % PANEL]
+    }
+
+    /// Sets an element.
+    #[inline]
+    pub(crate) fn set(&mut self, row: usize, column: usize, value: f32) {
+        self.data[column / PANEL * self.panel + row * PANEL + column % PANEL] = value;
+    }
+
+    /// A row's part in a panel.
+    pub(crate) fn piece_mut(&mut self, row: usize, panel: usize) -> &mut [f32] {
+        &mut self.data[panel * self.panel + row * PANEL..][..PANEL]
+    }
+
+    /// Sets a row.
+    pub(crate) fn set_row(&mut self, row: usize, values: &[f32]) {
+        for (panel, values) in values.chunks(PANEL).enumerate() {
+            self.piece_mut(row, panel)[..values.len()].copy_from_slice(values);
+        }
+    }
+
+    /// As the left operand of a product, from the given panel on.
+    pub(crate) fn left(&self, first_panel: usize, transposed: bool) -> Left<'_> {
+        Left {
+            data: &self.data[first_panel * self.panel..],
+            panel: self.panel,
+            transposed,
         }
     }
 }
 
-/// Packs the transpose of a row-major matrix of `columns` rows and `rows` columns without gaps.
-pub(crate) fn pack_transposed(from: &[f32], rows: usize, columns: usize, to: &mut [f32]) {
+/// Puts some rows of a row-major matrix (`columns` wide), from the `first` on, into panels of `rows` rows.
+pub(crate) fn pack(from: &[f32], columns: usize, first: usize, rows: usize, to: &mut [f32]) {
     for (panel, to) in to.chunks_exact_mut(rows * PANEL).enumerate() {
-        let first = panel * PANEL;
-        let count = (columns - first).min(PANEL);
-        if count < PANEL {
-            to.fill(0.0);
+        let column = panel * PANEL;
+        let count = (columns - column).min(PANEL);
+        for (from, to) in from
+            .chunks_exact(columns)
+            .zip(to[first * PANEL..].chunks_exact_mut(PANEL))
+        {
+            to[..count].copy_from_slice(&from[column..][..count]);
         }
-        // Blocks of 16 read whole cache lines of the source.
-        for (block, to) in to.chunks_mut(16 * PANEL).enumerate() {
-            for column in 0..count {
-                let from = &from[(first + column) * rows + block * 16..];
-                for (to, from) in to[column..].iter_mut().step_by(PANEL).zip(from) {
-                    *to = *from;
-                }
+    }
+}
+
+/// Puts the transpose of a row-major matrix of at most [`PANEL`] rows into one panel.
+pub(crate) fn pack_transposed(from: &[f32], columns: usize, to: &mut [f32]) {
+    // Blocks of 16 read whole cache lines of the source.
+    for (block, to) in to.chunks_mut(16 * PANEL).enumerate() {
+        for (row, from) in from.chunks_exact(columns).enumerate() {
+            for (to, from) in to[row..].iter_mut().step_by(PANEL).zip(&from[block * 16..]) {
+                *to = *from;
             }
         }
     }
@@ -61,14 +100,18 @@ pub(crate) struct Product<'a> {
     pub rows: usize,
     /// Columns of the left operand, rows of the right one.
     pub depth: usize,
-    /// Packed right operand.
+    /// Right operand, in panels.
     pub right: &'a [f32],
+    /// Floats from a panel of the right operand to the next.
+    pub right_panel: usize,
     /// Columns of the right operand and of the output.
     pub columns: usize,
-    /// Output, row-major.
+    /// Output.
     pub out: &'a mut [f32],
-    /// Floats between the output's rows.
+    /// Floats from a row of the output to the next.
     pub out_stride: usize,
+    /// Floats from [`PANEL`] columns of the output to the next.
+    pub out_panel: usize,
     /// Add to the output instead of setting it.
     pub accumulate: bool,
 }
@@ -85,24 +128,28 @@ impl Kernel for Product<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self) {
-        for (index, panel) in self.right.chunks_exact(self.depth.max(1) * PANEL).enumerate() {
-            let column = index * PANEL;
-            let columns = (self.columns - column).min(PANEL);
+        for panel in 0..self.columns.div_ceil(PANEL) {
+            let columns = (self.columns - panel * PANEL).min(PANEL);
             for start in (0..self.depth).step_by(DEPTH) {
                 let depth = (self.depth - start).min(DEPTH);
-                let offset = if self.left.transposed {
-                    start * self.left.stride
-                } else {
-                    start
-                };
+                let offset = start
+                    * if self.left.transposed {
+                        PANEL
+                    } else {
+                        self.left.panel / PANEL
+                    };
                 let left = Left {
                     data: &self.left.data[offset..],
                     ..self.left
                 };
-                let accumulate = self.accumulate || start > 0;
-                let out = &mut self.out[column..];
-                let panel = &panel[start * PANEL..];
-                simd::tile::<S>(left, self.rows, depth, panel, columns, out, self.out_stride, accumulate);
+                let right = &self.right[panel * self.right_panel + start * PANEL..];
+                let data = &mut self.out[panel * self.out_panel..];
+                let out = Out {
+                    data,
+                    stride: self.out_stride,
+                    accumulate: self.accumulate || start > 0,
+                };
+                simd::tile::<S>(left, self.rows, depth, right, columns, out);
             }
         }
     }

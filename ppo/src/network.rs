@@ -1,7 +1,7 @@
 //! A multi-layer perceptron: parameters in tiles, and chunks of samples that pass through it and back.
 //!
 //! A tile is a group of a layer's outputs with everything that belongs to their weights: the parameters, the gradient,
-//! the optimiser's moments and the packed forms the matrix products want. Tiles are what threads share out among them
+//! the optimiser's moments and the forms that matrix products want. Tiles are what threads share out among them
 //! when weights are summed or changed, chunks of rows when samples pass through. Neither depends on the number of
 //! threads, and every sum runs over chunks in order, so the bits do not either.
 
@@ -11,11 +11,11 @@ use rand::{Rng, RngExt};
 
 use crate::{
     elementwise::{Activation, activate, differentiate},
-    matrix::{Product, pack, pack_transposed, packed_len, stride},
-    simd::Left,
+    matrix::{Panels, Product, pack, pack_transposed, panels_len},
+    simd::PANEL,
 };
 
-/// Most outputs of a tile.
+/// Most outputs of a tile, a multiple of [`PANEL`].
 const TILE: usize = 128;
 
 /// Some outputs of a layer.
@@ -35,9 +35,9 @@ pub(crate) struct Tile {
     pub first_moment: Vec<f32>,
     /// Adam's mean of the squared gradient.
     pub second_moment: Vec<f32>,
-    /// Transposed weights (`inputs x outputs`), packed: right operand of the forward pass.
+    /// Transposed weights (`inputs x outputs`) in panels: right operand of the forward pass.
     forward: Vec<f32>,
-    /// Weights (`outputs x inputs`), packed: right operand of the backward pass. Empty in the first layer.
+    /// Weights (`outputs x inputs`) in panels: right operand of the backward pass. Empty in the first layer.
     backward: Vec<f32>,
 }
 
@@ -54,11 +54,11 @@ impl Tile {
             first_moment: parameters.clone(),
             second_moment: parameters.clone(),
             parameters,
-            forward: vec![0.0; packed_len(inputs, outputs)],
+            forward: vec![0.0; panels_len(inputs, outputs)],
             backward: if layer == 0 {
                 Vec::new()
             } else {
-                vec![0.0; packed_len(outputs, inputs)]
+                vec![0.0; panels_len(outputs, inputs)]
             },
         }
     }
@@ -73,12 +73,21 @@ impl Tile {
         &self.parameters[..self.outputs * self.inputs]
     }
 
-    /// Brings the packed forms up to date with the parameters.
+    /// Brings the forms in panels up to date with the parameters.
     pub(crate) fn pack(&mut self) {
-        let weights = &self.parameters[..self.outputs * self.inputs];
-        pack_transposed(weights, self.inputs, self.outputs, &mut self.forward);
+        for first in (0..self.outputs).step_by(PANEL) {
+            self.pack_panel(first);
+        }
+    }
+
+    /// The same for a panel's worth of outputs.
+    pub(crate) fn pack_panel(&mut self, first: usize) {
+        let inputs = self.inputs;
+        let count = (self.outputs - first).min(PANEL);
+        let weights = &self.parameters[first * inputs..][..count * inputs];
+        pack_transposed(weights, inputs, &mut self.forward[first * inputs..][..PANEL * inputs]);
         if !self.backward.is_empty() {
-            pack(weights, self.inputs, self.outputs, self.inputs, &mut self.backward);
+            pack(weights, inputs, first, self.outputs, &mut self.backward);
         }
     }
 
@@ -86,27 +95,29 @@ impl Tile {
     pub(crate) fn accumulate<'a>(&mut self, passes: impl Iterator<Item = &'a Pass>, mut first: bool) {
         let (weights, bias) = self.gradient.split_at_mut(self.outputs * self.inputs);
         for pass in passes.filter(|pass| pass.rows > 0) {
-            let by_outputs = &pass.gradients[self.layer];
+            let (values, gradients) = (&pass.values[self.layer], &pass.gradients[self.layer]);
             Product {
-                left: Left {
-                    data: &by_outputs.data[self.first..],
-                    stride: by_outputs.stride,
-                    transposed: true,
-                },
+                left: gradients.left(self.first / PANEL, true),
                 rows: self.outputs,
                 depth: pass.rows,
-                right: &pass.packed[self.layer][..packed_len(pass.rows, self.inputs)],
+                right: &values.data,
+                right_panel: values.panel,
                 columns: self.inputs,
                 out: weights,
                 out_stride: self.inputs,
+                out_panel: PANEL,
                 accumulate: !first,
             }
             .run();
-            if first {
-                bias.fill(0.0);
-            }
-            for row in by_outputs.data.chunks(by_outputs.stride).take(pass.rows) {
-                bias.iter_mut().zip(&row[self.first..]).for_each(|(sum, x)| *sum += x);
+            let panels = gradients.data[self.first / PANEL * gradients.panel..].chunks(gradients.panel);
+            for (bias, panel) in bias.chunks_mut(PANEL).zip(panels) {
+                let mut sums = [0.0; PANEL];
+                for row in panel.chunks_exact(PANEL).take(pass.rows) {
+                    sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
+                }
+                bias.iter_mut()
+                    .zip(sums)
+                    .for_each(|(bias, sum)| *bias = if first { sum } else { *bias + sum });
             }
             first = false;
         }
@@ -199,86 +210,53 @@ impl Network {
             let (inputs, outputs) = (&before[layer], &mut after[0]);
             let activation = (layer + 1 < self.layers.len()).then_some(self.activation);
             for tile in &self.tiles[self.layers[layer].clone()] {
-                let out = &mut outputs.data[tile.first..];
+                let out = &mut outputs.data[tile.first / PANEL * outputs.panel..];
                 Product {
-                    left: Left {
-                        data: &inputs.data,
-                        stride: inputs.stride,
-                        transposed: false,
-                    },
+                    left: inputs.left(0, false),
                     rows: pass.rows,
                     depth: tile.inputs,
                     right: &tile.forward,
-                    columns: tile.outputs,
+                    right_panel: tile.inputs * PANEL,
+                    columns: tile.outputs.next_multiple_of(PANEL),
                     out: &mut *out,
-                    out_stride: outputs.stride,
+                    out_stride: PANEL,
+                    out_panel: outputs.panel,
                     accumulate: false,
                 }
                 .run();
-                activate(out, outputs.stride, pass.rows, tile.bias(), activation);
+                activate(out, outputs.panel, pass.rows, tile.bias(), activation);
             }
         }
     }
 
-    /// Computes the gradients by each layer's outputs from that by the last one's, and packs the inputs for
-    /// [`Tile::accumulate`].
+    /// Computes the gradients by each layer's outputs before the activation from that by the last one's.
     pub(crate) fn backward(&self, pass: &mut Pass) {
-        for layer in (0..self.layers.len()).rev() {
-            let values = &pass.values[layer];
-            let width = self.widths[layer];
-            pack(
-                &values.data,
-                values.stride,
-                pass.rows,
-                width,
-                &mut pass.packed[layer][..packed_len(pass.rows, width)],
-            );
-            if layer == 0 {
-                break;
-            }
+        for layer in (1..self.layers.len()).rev() {
             let (before, after) = pass.gradients.split_at_mut(layer);
             let (by_inputs, by_outputs) = (&mut before[layer - 1], &after[0]);
             for (index, tile) in self.tiles[self.layers[layer].clone()].iter().enumerate() {
-                let left = &by_outputs.data[tile.first..];
                 Product {
-                    left: Left {
-                        data: left,
-                        stride: by_outputs.stride,
-                        transposed: false,
-                    },
+                    left: by_outputs.left(tile.first / PANEL, false),
                     rows: pass.rows,
                     depth: tile.outputs,
                     right: &tile.backward,
-                    columns: width,
+                    right_panel: tile.outputs * PANEL,
+                    columns: tile.inputs.next_multiple_of(PANEL),
                     out: &mut by_inputs.data,
-                    out_stride: by_inputs.stride,
+                    out_stride: PANEL,
+                    out_panel: by_inputs.panel,
                     accumulate: index > 0,
                 }
                 .run();
             }
+            let values = &pass.values[layer];
             differentiate(
                 &mut by_inputs.data,
                 &values.data,
-                values.stride,
+                values.panel,
                 pass.rows,
-                width,
                 self.activation,
             );
-        }
-    }
-}
-
-/// Rows of values, with room between them.
-pub(crate) struct Rows {
-    pub data: Vec<f32>,
-    pub stride: usize,
-}
-
-impl Rows {
-    fn new(rows: usize, width: usize) -> Self {
-        Self {
-            data: vec![0.0; rows * stride(width)],
-            stride: stride(width),
         }
     }
 }
@@ -288,39 +266,40 @@ pub(crate) struct Pass {
     /// Samples in use.
     pub rows: usize,
     /// The inputs, then each layer's outputs.
-    pub values: Vec<Rows>,
+    pub values: Vec<Panels>,
     /// Gradient by each layer's outputs before the activation.
-    pub gradients: Vec<Rows>,
-    /// Each layer's inputs (`rows x inputs`), packed.
-    packed: Vec<Vec<f32>>,
+    pub gradients: Vec<Panels>,
 }
 
 impl Pass {
     /// Buffers for at most `rows` samples; without those of the backward pass if it is not `trained`.
     pub(crate) fn new(network: &Network, rows: usize, trained: bool) -> Self {
-        let inputs = &network.widths[..network.layers.len()];
-        let outputs = &network.widths[1..];
-        let backward = if trained { rows } else { 0 };
+        let panels = |widths: &[usize]| widths.iter().map(|&width| Panels::new(rows, width)).collect();
         Self {
             rows: 0,
-            values: network.widths.iter().map(|&width| Rows::new(rows, width)).collect(),
-            gradients: outputs.iter().map(|&width| Rows::new(backward, width)).collect(),
-            packed: inputs
-                .iter()
-                .map(|&width| vec![0.0; packed_len(backward, width)])
-                .collect(),
+            values: panels(&network.widths),
+            gradients: if trained {
+                panels(&network.widths[1..])
+            } else {
+                Vec::new()
+            },
         }
     }
 
-    /// The network's outputs: data and stride.
-    pub(crate) fn outputs(&self) -> &Rows {
+    /// The network's inputs.
+    pub(crate) fn inputs_mut(&mut self) -> &mut Panels {
+        &mut self.values[0]
+    }
+
+    /// The network's outputs.
+    pub(crate) fn outputs(&self) -> &Panels {
         &self.values[self.values.len() - 1]
     }
 
-    /// Row of the inputs.
-    pub(crate) fn input_mut(&mut self, row: usize, width: usize) -> &mut [f32] {
-        let Rows { data, stride } = &mut self.values[0];
-        &mut data[row * *stride..][..width]
+    /// The network's outputs, and the gradient by them.
+    pub(crate) fn outputs_and_gradient(&mut self) -> (&Panels, &mut Panels) {
+        let last = self.gradients.len() - 1;
+        (&self.values[last + 1], &mut self.gradients[last])
     }
 }
 

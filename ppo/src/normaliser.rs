@@ -40,9 +40,9 @@ impl Normaliser {
         (&self.applied_mean, &self.applied_deviation)
     }
 
-    /// Normalises an observation.
-    pub(crate) fn apply(&self, from: &[f32], to: &mut [f32]) {
-        let statistics = self.applied_mean.iter().zip(&self.applied_scale);
+    /// Normalises part of an observation, from its element `first` on.
+    pub(crate) fn apply(&self, first: usize, from: &[f32], to: &mut [f32]) {
+        let statistics = self.applied_mean[first..].iter().zip(&self.applied_scale[first..]);
         for ((to, &x), (&mean, &scale)) in to.iter_mut().zip(from).zip(statistics) {
             *to = ((x - mean) * scale).clamp(-self.clip, self.clip);
         }

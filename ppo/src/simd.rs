@@ -238,67 +238,79 @@ pub(crate) fn dispatch_on<K: Kernel>(wanted: Level, kernel: K) -> K::Output {
     kernel.run::<Baseline>()
 }
 
-/// The left operand of [`tile`]: element (row, depth) lies at `row * row_stride + depth * depth_stride`, where one of
-/// the strides is 1.
+/// The left operand of [`tile`], a matrix in panels, see [`crate::matrix::Panels`].
 #[derive(Clone, Copy)]
 pub(crate) struct Left<'a> {
     /// The elements.
     pub data: &'a [f32],
-    /// The stride that is not 1.
-    pub stride: usize,
-    /// True if the row is the contiguous index: the operand is a transposed row-major matrix.
+    /// Floats from a panel to the next.
+    pub panel: usize,
+    /// The operand is the transpose of what is stored.
     pub transposed: bool,
 }
 
-/// `out (rows x columns) = left (rows x depth) * panel (depth x columns)`, added to `out` if `accumulate`; `columns` is
-/// at most [`PANEL`] and the panel's rows lie [`PANEL`] apart.
+/// The output of [`tile`].
+pub(crate) struct Out<'a> {
+    /// The elements, from the first one of the tile.
+    pub data: &'a mut [f32],
+    /// Floats from a row to the next.
+    pub stride: usize,
+    /// Add to what is there instead of replacing it.
+    pub accumulate: bool,
+}
+
+/// `out (rows x columns) = left (rows x depth) * panel (depth x columns)`; `columns` is at most [`PANEL`] and the
+/// panel's rows lie [`PANEL`] apart.
 #[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "the operands of a matrix product")]
-pub(crate) fn tile<S: Simd>(
-    left: Left,
-    rows: usize,
-    depth: usize,
-    panel: &[f32],
-    columns: usize,
-    out: &mut [f32],
-    out_stride: usize,
-    accumulate: bool,
-) {
+pub(crate) fn tile<S: Simd>(left: Left, rows: usize, depth: usize, panel: &[f32], columns: usize, out: Out) {
     if rows == 0 || depth == 0 || columns == 0 {
         return;
     }
-    let last = if left.transposed {
-        (depth - 1) * left.stride + rows - 1
-    } else {
-        (rows - 1) * left.stride + depth - 1
-    };
-    assert!(last < left.data.len() && panel.len() >= depth * PANEL);
-    assert!(columns <= PANEL && (rows - 1) * out_stride + columns <= out.len());
+    let (stored_rows, stored_columns) = if left.transposed { (depth, rows) } else { (rows, depth) };
+    let last = (stored_columns - 1) / PANEL * left.panel + (stored_rows - 1) * PANEL + (stored_columns - 1) % PANEL;
+    assert!(last < left.data.len() && stored_rows * PANEL <= left.panel && panel.len() >= depth * PANEL);
+    assert!(columns <= PANEL && (rows - 1) * out.stride + columns <= out.data.len());
     let mut row = 0;
     while row < rows {
-        let count = (rows - row).min(S::ROWS);
-        // SAFETY: the asserts above bound the rows, the depth and the columns of all three operands; `block` reads
-        // whole panel rows, and `edge` writes only the `columns` that exist.
+        let mut count = (rows - row).min(S::ROWS);
+        if left.transposed {
+            count = count.min(PANEL - row % PANEL);
+        }
+        // SAFETY: the asserts above bound the rows, the depth and the columns of all three operands: `block` reads
+        // `count` rows of the left operand from `row` on and whole rows of the panel, and writes `count` rows of as many
+        // columns as there are, those of an incomplete vector by way of a buffer.
         unsafe {
-            let a = left
-                .data
-                .as_ptr()
-                .add(if left.transposed { row } else { row * left.stride });
-            let c = out.as_mut_ptr().add(row * out_stride);
+            let offset = if left.transposed {
+                row / PANEL * left.panel + row % PANEL
+            } else {
+                row * PANEL
+            };
+            let a = left.data.as_ptr().add(offset);
+            let c = out.data.as_mut_ptr().add(row * out.stride);
             let mut column = 0;
             while column < columns {
                 let wide = columns - column > S::LANES;
                 let width = if wide { 2 * S::LANES } else { S::LANES };
                 let b = panel.as_ptr().add(column);
                 if column + width <= columns {
-                    block::<S>(left, count, wide, depth, a, b, c.add(column), out_stride, accumulate);
+                    block::<S>(
+                        left,
+                        count,
+                        wide,
+                        depth,
+                        a,
+                        b,
+                        c.add(column),
+                        out.stride,
+                        out.accumulate,
+                    );
                 } else {
                     let mut full = [0.0; 12 * PANEL];
                     block::<S>(left, count, wide, depth, a, b, full.as_mut_ptr(), PANEL, false);
                     for i in 0..count {
                         for j in column..columns {
-                            let to = c.add(i * out_stride + j);
-                            let before = if accumulate { *to } else { 0.0 };
+                            let to = c.add(i * out.stride + j);
+                            let before = if out.accumulate { *to } else { 0.0 };
                             *to = before + full[i * PANEL + j - column];
                         }
                     }
@@ -328,10 +340,10 @@ unsafe fn block<S: Simd>(
         ($($rows:literal)*) => {
             match (rows, wide, left.transposed) {
                 $(
-                    ($rows, true, false) => micro::<S, $rows, 2, false>(depth, a, left.stride, b, c, c_stride, accumulate),
-                    ($rows, false, false) => micro::<S, $rows, 1, false>(depth, a, left.stride, b, c, c_stride, accumulate),
-                    ($rows, true, true) => micro::<S, $rows, 2, true>(depth, a, left.stride, b, c, c_stride, accumulate),
-                    ($rows, false, true) => micro::<S, $rows, 1, true>(depth, a, left.stride, b, c, c_stride, accumulate),
+                    ($rows, true, false) => micro::<S, $rows, 2, false>(depth, a, left.panel, b, c, c_stride, accumulate),
+                    ($rows, false, false) => micro::<S, $rows, 1, false>(depth, a, left.panel, b, c, c_stride, accumulate),
+                    ($rows, true, true) => micro::<S, $rows, 2, true>(depth, a, left.panel, b, c, c_stride, accumulate),
+                    ($rows, false, true) => micro::<S, $rows, 1, true>(depth, a, left.panel, b, c, c_stride, accumulate),
                 )*
                 _ => unreachable!("rows are at most S::ROWS"),
             }
@@ -345,7 +357,7 @@ unsafe fn block<S: Simd>(
 unsafe fn micro<S: Simd, const R: usize, const V: usize, const TRANSPOSED: bool>(
     depth: usize,
     a: *const f32,
-    a_stride: usize,
+    a_panel: usize,
     b: *const f32,
     c: *mut f32,
     c_stride: usize,
@@ -353,21 +365,29 @@ unsafe fn micro<S: Simd, const R: usize, const V: usize, const TRANSPOSED: bool>
 ) {
     unsafe {
         let mut sums = [[S::zero(); V]; R];
-        for k in 0..depth {
-            let mut x = [S::zero(); V];
-            for (j, x) in x.iter_mut().enumerate() {
-                *x = S::load(b.add(k * PANEL + j * S::LANES));
-            }
-            for (i, sums) in sums.iter_mut().enumerate() {
-                let scalar = if TRANSPOSED {
-                    *a.add(k * a_stride + i)
-                } else {
-                    *a.add(i * a_stride + k)
-                };
-                for (sum, &x) in sums.iter_mut().zip(&x) {
-                    *sum = S::multiply_add(scalar, x, *sum);
+        let mut start = 0;
+        while start < depth {
+            // Along the rows of the left operand a panel ends after so many columns; down its columns it does not.
+            let end = if TRANSPOSED { depth } else { depth.min(start + PANEL) };
+            let a = if TRANSPOSED { a } else { a.add(start / PANEL * a_panel) };
+            let b = b.add(start * PANEL);
+            for k in 0..end - start {
+                let mut x = [S::zero(); V];
+                for (j, x) in x.iter_mut().enumerate() {
+                    *x = S::load(b.add(k * PANEL + j * S::LANES));
+                }
+                for (i, sums) in sums.iter_mut().enumerate() {
+                    let scalar = if TRANSPOSED {
+                        *a.add(k * PANEL + i)
+                    } else {
+                        *a.add(i * PANEL + k)
+                    };
+                    for (sum, &x) in sums.iter_mut().zip(&x) {
+                        *sum = S::multiply_add(scalar, x, *sum);
+                    }
                 }
             }
+            start = end;
         }
         for (i, sums) in sums.iter().enumerate() {
             for (j, &sum) in sums.iter().enumerate() {
@@ -376,5 +396,52 @@ unsafe fn micro<S: Simd, const R: usize, const V: usize, const TRANSPOSED: bool>
                 S::store(to, sum);
             }
         }
+    }
+}
+
+/// Fused multiply-adds on independent registers, `rounds` times [`FmaLoop::operations_per_round`]: what the processor
+/// can do at best.
+pub(crate) struct FmaLoop {
+    pub rounds: u64,
+}
+
+impl FmaLoop {
+    /// Accumulators: enough to hide the latency of two units, few enough to stay in registers.
+    const SUMS: usize = 12;
+
+    /// Floating-point operations of a round.
+    pub(crate) fn operations_per_round() -> f64 {
+        struct Lanes;
+        impl Kernel for Lanes {
+            type Output = usize;
+            #[inline(always)]
+            fn run<S: Simd>(self) -> usize {
+                S::LANES
+            }
+        }
+        (2 * Self::SUMS * dispatch(Lanes)) as f64
+    }
+}
+
+impl Kernel for FmaLoop {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> f32 {
+        let factor = std::hint::black_box(0.5_f32);
+        let mut first = [0.0; 16];
+        // SAFETY: the buffer holds a vector of every instruction set.
+        unsafe {
+            let mut sums = [S::zero(); Self::SUMS];
+            let x = S::load(std::hint::black_box([1.0; 16]).as_ptr());
+            for _ in 0..self.rounds {
+                for sum in &mut sums {
+                    *sum = S::multiply_add(factor, *sum, x);
+                }
+            }
+            let total = sums.iter().fold(S::zero(), |total, &sum| S::add(total, sum));
+            S::store(first.as_mut_ptr(), total);
+        }
+        first[0]
     }
 }

@@ -60,7 +60,7 @@ pub(crate) fn exp<S: Simd>(x: f64) -> f64 {
     p * f64::from_bits((shifted.to_bits() << 52).wrapping_add(1023 << 52))
 }
 
-/// `ln(1 + exp(z))` and its derivative, the logistic function.
+/// `ln(1 + exp(z))` and its derivative, the logistic function. The former is not a number if `z` is not.
 #[inline(always)]
 pub(crate) fn softplus<S: Simd>(z: f64) -> (f64, f64) {
     let u = exp::<S>(-z.abs());
@@ -68,7 +68,7 @@ pub(crate) fn softplus<S: Simd>(z: f64) -> (f64, f64) {
     // ln(1 + u) loses the digits of a small u; the series does not.
     let series = u * S::fma64(u, S::fma64(u, 1.0 / 3.0, -0.5), 1.0);
     let log = if u < 1e-5 { series } else { ln::<S>(1.0 + u) };
-    (z.max(0.0) + log, if z >= 0.0 { inverse } else { u * inverse })
+    (0.5 * (z + z.abs()) + log, if z >= 0.0 { inverse } else { u * inverse })
 }
 
 /// `ln Gamma(x)`, its first derivative (digamma) and its second (trigamma).

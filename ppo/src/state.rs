@@ -178,6 +178,13 @@ fn load_network(prefix: &str, network: &mut Network, tensors: &[Tensor]) -> Resu
             }
         }
     }
+    let impossible = network
+        .tiles
+        .iter()
+        .any(|tile| tile.second_moment.iter().any(|&x| x < 0.0));
+    if impossible {
+        return Err(StateError::Value(format!("{prefix}.*.second_moment")));
+    }
     network.tiles.iter_mut().for_each(Tile::pack);
     Ok(())
 }

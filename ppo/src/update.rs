@@ -236,7 +236,7 @@ impl Learner {
             .par_chunks_exact(self.observation_len)
             .zip(data.observations.par_chunks_exact_mut(self.observation_len));
         rows.with_min_len(256)
-            .for_each(|(from, to)| learned.normaliser.apply(from, to));
+            .for_each(|(from, to)| learned.normaliser.apply(0, from, to));
         data.order.clear();
         data.order.extend(0..samples as u32);
         self.remember(learned, samples);
@@ -262,14 +262,12 @@ impl Learner {
                 chunk.pass.rows = rows;
                 for row in 0..rows {
                     let from = &data.observations[(first + row) * self.observation_len..][..self.observation_len];
-                    chunk.pass.input_mut(row, self.observation_len).copy_from_slice(from);
+                    chunk.pass.inputs_mut().set_row(row, from);
                 }
                 actor.forward(&mut chunk.pass);
-                let outputs = chunk.pass.outputs();
                 distribution::reference(
                     head,
-                    &outputs.data,
-                    outputs.stride,
+                    chunk.pass.outputs(),
                     &data.actions[first * width..][..rows * width],
                     references,
                     log_probabilities,
@@ -353,13 +351,32 @@ impl Learner {
     }
 }
 
+#[cfg(test)]
+impl Learner {
+    /// Observation as the network sees it, action, advantage and return of every sample.
+    pub(crate) fn samples(&self) -> Vec<(Vec<f64>, Vec<f64>, f64, f64)> {
+        let data = &self.data;
+        let wide = |values: &[f32]| values.iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
+        let rows = data
+            .observations
+            .chunks(self.observation_len)
+            .zip(data.actions.chunks(self.action_len));
+        let worth = data.advantages.iter().zip(&data.returns).cycle();
+        rows.zip(worth)
+            .map(|((o, a), (&advantage, &to))| (wide(o), wide(a), f64::from(advantage), f64::from(to)))
+            .collect()
+    }
+}
+
 impl ActorChunk {
     fn run(&mut self, config: &Config, actor: &Network, data: &Data, indices: &[u32], coefficients: LossCoefficients) {
         let (rows, width) = (indices.len(), self.actions.len() / CHUNK);
         self.pass.rows = rows;
         for (row, &index) in indices.iter().enumerate() {
             let index = index as usize;
-            data.copy_observation(index, &mut self.pass, row, actor.widths[0]);
+            self.pass
+                .inputs_mut()
+                .set_row(row, data.observation(index, actor.widths[0]));
             let (to, from) = (row * width..(row + 1) * width, index * width..(index + 1) * width);
             self.actions[to.clone()].copy_from_slice(&data.actions[from.clone()]);
             self.references[to].copy_from_slice(&data.references[from]);
@@ -367,20 +384,17 @@ impl ActorChunk {
             self.log_probabilities[row] = data.log_probabilities[index];
         }
         actor.forward(&mut self.pass);
-        let outputs = &self.pass.values[self.pass.values.len() - 1];
-        let last = self.pass.gradients.len() - 1;
         let samples = Samples {
             actions: &self.actions[..rows * width],
             advantages: &self.advantages[..rows],
             log_probabilities: &self.log_probabilities[..rows],
             references: &self.references[..rows * width],
         };
-        let gradient = &mut self.pass.gradients[last].data;
+        let (outputs, gradient) = self.pass.outputs_and_gradient();
         self.sums = distribution::loss(
             config.policy,
-            &outputs.data,
+            outputs,
             gradient,
-            outputs.stride,
             samples,
             coefficients,
             &mut self.scratch,
@@ -393,27 +407,26 @@ impl CriticChunk {
     fn run(&mut self, critic: &Network, data: &Data, indices: &[u32], scale: f64) {
         self.pass.rows = indices.len();
         for (row, &index) in indices.iter().enumerate() {
-            data.copy_observation(index as usize, &mut self.pass, row, critic.widths[0]);
+            self.pass
+                .inputs_mut()
+                .set_row(row, data.observation(index as usize, critic.widths[0]));
         }
         critic.forward(&mut self.pass);
         self.squared_error = 0.0;
-        let outputs = &self.pass.values[self.pass.values.len() - 1];
-        let last = self.pass.gradients.len() - 1;
-        let gradient = &mut self.pass.gradients[last];
+        let (outputs, gradient) = self.pass.outputs_and_gradient();
         for (row, &index) in indices.iter().enumerate() {
             let target = data.returns[index as usize % data.returns.len()];
-            let error = f64::from(outputs.data[row * outputs.stride]) - f64::from(target);
+            let error = f64::from(outputs.get(row, 0)) - f64::from(target);
             self.squared_error += error * error;
-            gradient.data[row * gradient.stride] = (scale * error) as f32;
+            gradient.set(row, 0, (scale * error) as f32);
         }
         critic.backward(&mut self.pass);
     }
 }
 
 impl Data {
-    fn copy_observation(&self, index: usize, pass: &mut Pass, row: usize, width: usize) {
-        pass.input_mut(row, width)
-            .copy_from_slice(&self.observations[index * width..][..width]);
+    fn observation(&self, index: usize, width: usize) -> &[f32] {
+        &self.observations[index * width..][..width]
     }
 }
 
@@ -435,10 +448,7 @@ fn step(learned: &mut Learned, norms: (f64, f64)) {
     let step = |norm| Step::new(*learned.steps, *learned.learning_rate, scale(norm));
     let (actor, critic) = (step(norms.0), step(norms.1));
     let apply = |tiles: &mut [Tile], step: Step| {
-        tiles.par_iter_mut().with_max_len(1).for_each(|tile| {
-            step.apply(tile);
-            tile.pack();
-        });
+        tiles.par_iter_mut().with_max_len(1).for_each(|tile| step.apply(tile));
     };
     rayon::join(
         || apply(&mut learned.actor.tiles, actor),

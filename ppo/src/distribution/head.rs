@@ -1,7 +1,10 @@
 //! The policy's loss over a chunk of samples, from network outputs to their gradient.
 
 use super::{Differentiated, Head, Terms, beta, gaussian};
-use crate::simd::{self, Kernel, Simd};
+use crate::{
+    matrix::Panels,
+    simd::{self, Kernel, Simd},
+};
 
 /// Samples of a chunk: row-major actions (`rows x actions`) and what each sample was worth.
 pub(crate) struct Samples<'a> {
@@ -55,14 +58,20 @@ impl HeadScratch {
     }
 
     /// Collects the two parameters of every element from rows of network outputs.
-    fn gather(&mut self, outputs: &[f32], stride: usize, rows: usize, actions: usize) {
+    fn gather(&mut self, outputs: &Panels, rows: usize, actions: usize) {
         let elements = self
             .first
             .chunks_exact_mut(actions)
             .zip(self.second.chunks_exact_mut(actions));
-        for (row, (first, second)) in outputs.chunks(stride).take(rows).zip(elements) {
-            first.copy_from_slice(&row[..actions]);
-            second.copy_from_slice(&row[actions..2 * actions]);
+        for (row, (first, second)) in elements.take(rows).enumerate() {
+            first
+                .iter_mut()
+                .enumerate()
+                .for_each(|(i, to)| *to = outputs.get(row, i));
+            second
+                .iter_mut()
+                .enumerate()
+                .for_each(|(i, to)| *to = outputs.get(row, actions + i));
         }
     }
 }
@@ -125,9 +134,8 @@ impl Kernel for Elements<'_> {
 /// outputs (`rows x 2 actions`) and returns the sums of the parts.
 pub(crate) fn loss(
     head: Head,
-    outputs: &[f32],
-    gradient: &mut [f32],
-    stride: usize,
+    outputs: &Panels,
+    gradient: &mut Panels,
     samples: Samples,
     coefficients: LossCoefficients,
     scratch: &mut HeadScratch,
@@ -137,7 +145,7 @@ pub(crate) fn loss(
         return LossSums::default();
     }
     let actions = samples.actions.len() / rows;
-    scratch.gather(outputs, stride, rows, actions);
+    scratch.gather(outputs, rows, actions);
     simd::dispatch(Elements {
         head,
         scratch,
@@ -145,7 +153,7 @@ pub(crate) fn loss(
         references: samples.references,
     });
     let mut sums = LossSums::default();
-    for (row, gradient) in gradient.chunks_mut(stride).take(rows).enumerate() {
+    for row in 0..rows {
         let of = row * actions..(row + 1) * actions;
         let advantage = f64::from(samples.advantages[row]);
         let log_probability: f64 = scratch.log_probability[0][of.clone()].iter().sum();
@@ -166,9 +174,12 @@ pub(crate) fn loss(
         for parameter in 0..2 {
             let log_probability = &scratch.log_probability[1 + parameter][of.clone()];
             let entropy = &scratch.entropy[1 + parameter][of.clone()];
-            let gradient = &mut gradient[parameter * actions..][..actions];
-            for ((gradient, l), e) in gradient.iter_mut().zip(log_probability).zip(entropy) {
-                *gradient = (by_log_probability * l + by_entropy * e) as f32;
+            for (i, (l, e)) in log_probability.iter().zip(entropy).enumerate() {
+                gradient.set(
+                    row,
+                    parameter * actions + i,
+                    (by_log_probability * l + by_entropy * e) as f32,
+                );
             }
         }
     }
@@ -199,8 +210,7 @@ impl Kernel for References<'_> {
 /// log-probabilities of the actions under them.
 pub(crate) fn reference(
     head: Head,
-    outputs: &[f32],
-    stride: usize,
+    outputs: &Panels,
     actions: &[f32],
     references: &mut [[f64; 3]],
     log_probabilities: &mut [f64],
@@ -211,7 +221,7 @@ pub(crate) fn reference(
         return;
     }
     let width = actions.len() / rows;
-    scratch.gather(outputs, stride, rows, width);
+    scratch.gather(outputs, rows, width);
     let (first, second) = (&scratch.first, &scratch.second);
     simd::dispatch(References {
         head,
