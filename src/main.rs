@@ -21,7 +21,7 @@ struct CommandLine {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Describes what a run folder, checkpoint, log, configuration, metrics or events file holds.
+    /// Describes what a run folder, policy, checkpoint, log, configuration, metrics or events file holds.
     Inspect {
         /// The file or folder.
         path: PathBuf,

@@ -10,6 +10,7 @@ use omniwalk::run::RunFolder;
 use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::events::{EventWriter, event_files};
 use omniwalk::run::metrics::MetricsWriter;
+use omniwalk_controller::*;
 
 /// Exit code, stdout and stderr of `omniwalk inspect PATH`.
 fn inspect(path: &Path) -> (i32, String, String) {
@@ -121,6 +122,85 @@ fn every_file_of_a_run_is_described() {
         ],
     );
     assert_describes(&run.config(), &["1 values differ", "train.seed = 7"]);
+}
+
+/// A policy of one joint whose network is zero.
+fn policy() -> Policy {
+    let joint = JointSpec {
+        name: "knee".into(),
+        nominal: 0.1,
+        lower: -1.0,
+        upper: 1.0,
+        kp: 50.0,
+        kd: 1.0,
+        torque_limit: 10.0,
+        action_scale: 0.3,
+    };
+    let spec = Spec {
+        control_hz: 40.0,
+        joints: vec![joint],
+        observation: vec![Block::JointPosition, Block::JointVelocity],
+        action: ActionSpec {
+            law: ActionLaw::OffsetFromNominal,
+            filter: Some(FilterSpec::Butterworth { cutoff_hz: 5.0 }),
+            torque_clamp: true,
+        },
+        clock: None,
+        command: CommandSpec {
+            rate: [1.0; 3],
+            lower: [0.0; 3],
+            upper: [0.5, 0.0, 0.0],
+        },
+        legs: Vec::new(),
+        inertial_frame_period: 10.0,
+    };
+    let actor = Actor {
+        mean: vec![0.0; 2],
+        deviation: vec![1.0; 2],
+        clip: 10.0,
+        layers: vec![Dense {
+            inputs: 2,
+            weights: vec![0.0; 4],
+            bias: vec![0.0; 2],
+        }],
+        activation: Activation::Tanh,
+        head: Head::Beta,
+    };
+    let bounds = Bounds {
+        lower: vec![-5.0; 2],
+        upper: vec![5.0; 2],
+    };
+    let program = "omniwalk 0.1.0".into();
+    let identity = Identity {
+        config_hash: [0xab; 32],
+        seed: 7,
+        steps: 1_000_000,
+        program,
+        latency: [0.0, 0.02],
+    };
+    Policy::new(spec, actor, bounds, identity).unwrap()
+}
+
+#[test]
+fn a_policy_is_described_and_a_damaged_one_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("policy.omni");
+    let mut bytes = policy().to_bytes();
+    fs::write(&path, &bytes).unwrap();
+    assert_describes(
+        &path,
+        &[
+            "policy of 1000000 policy steps, seed 7, by omniwalk 0.1.0",
+            "40 Hz, observation of 2 numbers: JointPosition 1 JointVelocity 1",
+            "OffsetFromNominal, second-order Butterworth at 5 Hz, clamped",
+            "knee  nominal 0.1000, limits -1.0000 to 1.0000",
+            "reproduces its golden vectors",
+        ],
+    );
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    fs::write(&path, &bytes).unwrap();
+    assert_refuses(&path, "is damaged (checksum)");
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod checkpoint;
 mod config;
 mod events;
 mod log;
+mod policy;
 mod run;
 
 use std::fs::File;
@@ -24,10 +25,12 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP0\r\n";
 enum InspectError {
     #[error("cannot read {}: {source}", .path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {why}", .path.display())]
+    Policy { path: PathBuf, why: String },
     #[error("{} is none of the files omniwalk knows", .0.display())]
     #[diagnostic(help(
-        "it knows run folders, checkpoints (.safetensors), logs (.mcap), configurations (.toml), metrics (.csv) and \
-         TensorBoard events"
+        "it knows run folders, policies (.omni), checkpoints (.safetensors), logs (.mcap), configurations (.toml), \
+         metrics (.csv) and TensorBoard events"
     ))]
     Unknown(PathBuf),
 }
@@ -40,6 +43,7 @@ pub fn describe(path: &Path, defaults: &Layers) -> Result<String, Report> {
     let text = match kind(path)? {
         Kind::Run => run::describe(path, defaults)?,
         Kind::Checkpoint => checkpoint::describe(path)?,
+        Kind::Policy => policy::describe(path)?,
         Kind::Log => log::describe(path)?,
         Kind::Config => config::describe(path, defaults)?,
         Kind::Metrics => metrics(&Metrics::read(path)?),
@@ -59,6 +63,7 @@ pub fn describe(path: &Path, defaults: &Layers) -> Result<String, Report> {
 
 enum Kind {
     Run,
+    Policy,
     Checkpoint,
     Log,
     Config,
@@ -86,7 +91,9 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     match name.rsplit_once('.').map(|(_, extension)| extension) {
         _ if start == MCAP_MAGIC => Ok(Kind::Log),
+        _ if start == omniwalk_controller::file::MAGIC => Ok(Kind::Policy),
         _ if name.contains("tfevents") => Ok(Kind::Events),
+        Some("omni") => Ok(Kind::Policy),
         Some("mcap") => Ok(Kind::Log),
         Some("safetensors") => Ok(Kind::Checkpoint),
         Some("toml") => Ok(Kind::Config),
