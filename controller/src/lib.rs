@@ -5,7 +5,8 @@
 //! ```
 //!
 //! [`Spec`] says what a policy's observation and action mean, [`Pipeline`] holds what one robot's loop remembers
-//! between steps (estimator, command ramp, clock, filter, previous target). Nothing allocates after construction.
+//! between steps (estimator, command ramp, clock, filter, previous target), [`Inference`] runs the network. A [`Policy`] is
+//! all of this in one file, and [`Controller`] its loop on a robot. Nothing allocates after construction.
 
 #![no_std]
 
