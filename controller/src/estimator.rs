@@ -40,26 +40,20 @@ pub const VELOCITY_TERM_MAX: f32 = 8.0;
 /// Velocity of the base origin in the base frame, m/s, from the soles of all legs, the gyro (base frame, rad/s),
 /// the unit vector against gravity in the base frame and the previous velocity of the base (base frame, m/s).
 /// `None` without legs or when the readings give nothing finite.
-pub fn base_velocity(
-    soles: impl Iterator<Item = Sole> + Clone,
-    gyro: [f32; 3],
-    up: [f32; 3],
-    previous: [f32; 3],
-) -> Option<[f32; 3]> {
-    let lowest = soles
+pub fn base_velocity(soles: &[Sole], gyro: [f32; 3], up: [f32; 3], previous: [f32; 3]) -> Option<[f32; 3]> {
+    let corners = soles.iter().flat_map(|sole| sole.corners.map(|corner| (sole, corner)));
+    let lowest = corners
         .clone()
-        .flat_map(|sole| sole.corners)
-        .map(|corner| dot(up, corner))
+        .map(|(_, corner)| dot(up, corner))
         .fold(f32::INFINITY, f32::min);
-    let votes = soles
-        .flat_map(|sole| sole.corners.map(|corner| (corner, resting(&sole, corner, gyro))))
-        .map(|(corner, velocity)| {
-            let height = (dot(up, corner) - lowest) / HEIGHT_SCALE;
-            let change = add(velocity, scale(previous, -1.0));
-            let square = dot(change, change);
-            let penalty = square / (2.0 * VELOCITY_SCALE * VELOCITY_SCALE + square / VELOCITY_TERM_MAX);
-            (velocity, 0.5 * height * height + penalty)
-        });
+    let votes = corners.map(|(sole, corner)| {
+        let velocity = resting(sole, corner, gyro);
+        let height = (dot(up, corner) - lowest) / HEIGHT_SCALE;
+        let change = add(velocity, scale(previous, -1.0));
+        let square = dot(change, change);
+        let penalty = square / (2.0 * VELOCITY_SCALE * VELOCITY_SCALE + square / VELOCITY_TERM_MAX);
+        (velocity, 0.5 * height * height + penalty)
+    });
     let least = votes.clone().map(|(_, energy)| energy).fold(f32::INFINITY, f32::min);
     let (mut sum, mut total): (Vec3, f32) = ([0.0; 3], 0.0);
     for (velocity, energy) in votes {

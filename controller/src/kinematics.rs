@@ -1,12 +1,14 @@
 //! Forward kinematics of a leg: pose and velocity of its sole relative to the base.
 
+use serde::{Deserialize, Serialize};
+
 use crate::{
     math::{IDENTITY, Quat, Vec3, add, axis_angle, compose, cross, rotate, scale},
     spec::Leg,
 };
 
 /// A sole relative to the base, in the base frame: what an observer on the base sees, whatever the base itself does.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sole {
     /// Centre of the four corners, m.
     pub position: [f32; 3],

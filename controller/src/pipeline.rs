@@ -10,7 +10,7 @@ use crate::{
     attitude::{level, up_from_fused, yaw_rate},
     estimator::base_velocity,
     filter::Filter,
-    kinematics::sole,
+    kinematics::{Sole, sole},
     math::{Vec3, is_finite, rotate_z},
     spec::{ActionLaw, Block, Spec},
     validate::SpecError,
@@ -69,6 +69,8 @@ pub struct Pipeline {
     frame: InertialFrame,
     /// Estimated velocity of the base, inertial and base frame, m/s.
     velocity: [Vec3; 2],
+    /// By the readings of the last step.
+    soles: Vec<Sole>,
     desired: Vec3,
     commanded: Vec3,
     clock_phase: f32,
@@ -96,6 +98,7 @@ impl Pipeline {
                 period: period as u32,
             },
             velocity: [[0.0; 3]; 2],
+            soles: vec![Sole::default(); spec.legs.len()],
             desired: [0.0; 3],
             commanded: [0.0; 3],
             clock_phase: 0.0,
@@ -120,6 +123,7 @@ impl Pipeline {
             period: self.frame.period,
         };
         self.velocity = [[0.0; 3]; 2];
+        self.soles.fill(Sole::default());
         self.desired = [0.0; 3];
         self.commanded = [0.0; 3];
         self.clock_phase = wrap(clock_phase);
@@ -226,6 +230,11 @@ impl Pipeline {
         (self.velocity[0], self.velocity[1])
     }
 
+    /// The feet in the order of the spec's legs, relative to the base by the readings of the last step.
+    pub fn soles(&self) -> &[Sole] {
+        &self.soles
+    }
+
     /// Heading of the base in the inertial frame, rad, in [-pi, pi].
     pub fn heading(&self) -> f32 {
         self.frame.heading
@@ -245,16 +254,11 @@ impl Pipeline {
     fn estimate(&mut self, spec: &Spec, sensors: &Sensors) {
         let up = up_from_fused(sensors.attitude);
         self.frame.advance(yaw_rate(sensors.gyro, up), 1.0 / spec.control_hz);
-        let base = sensors
-            .base_velocity
-            .filter(|velocity| is_finite(velocity))
-            .or_else(|| {
-                let soles = spec
-                    .legs
-                    .iter()
-                    .map(|leg| sole(leg, sensors.position, sensors.velocity));
-                base_velocity(soles, sensors.gyro, up, self.velocity[1])
-            });
+        for (state, leg) in self.soles.iter_mut().zip(&spec.legs) {
+            *state = sole(leg, sensors.position, sensors.velocity);
+        }
+        let given = sensors.base_velocity.filter(|velocity| is_finite(velocity));
+        let base = given.or_else(|| base_velocity(&self.soles, sensors.gyro, up, self.velocity[1]));
         if let Some(base) = base {
             let inertial = rotate_z(self.frame.heading, level(up, base));
             if is_finite(&inertial) {
