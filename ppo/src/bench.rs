@@ -15,9 +15,9 @@ use crate::{
 };
 
 /// Rounds of a measurement, of which the fastest counts: whatever else runs on the machine only slows it down.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 10;
 /// Time of a round, at least.
-const ROUND: Duration = Duration::from_millis(250);
+const ROUND: Duration = Duration::from_millis(100);
 
 /// Throughput of [`Agent::update`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +59,7 @@ pub fn bench(
     };
     let mut agent = Agent::new(config, observation_len, action_len, 1)?;
     let environments = 64;
-    let steps = (4 * batch).max(9600).div_ceil(environments);
+    let steps = (2 * batch).max(1920).div_ceil(environments);
     let mut rollout = Rollout::new(steps, environments, observation_len, action_len);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -68,23 +68,21 @@ pub fn bench(
     let (update, act, peak) = pool.install(|| {
         collect(&mut agent, &mut rollout);
         let mut key = 0;
-        let update = rate(|| {
+        let mut learn = || {
             key += 1;
             let stats = agent.update(&rollout, None, key);
             assert_eq!(stats.skipped, 0, "the invented samples are finite");
-        });
-        let act = rate(|| collect(&mut agent, &mut rollout));
-        let rounds = 1 << 22;
-        let peak = rate(|| {
+        };
+        let rounds = 1 << 20;
+        let mut multiply_add = || {
             (0..threads).into_par_iter().with_max_len(1).for_each(|_| {
                 black_box(simd::dispatch(FmaLoop { rounds }));
             });
-        });
-        (
-            update,
-            act,
-            peak * rounds as f64 * threads as f64 * FmaLoop::operations_per_round(),
-        )
+        };
+        let [update, peak] = rates([&mut learn, &mut multiply_add]);
+        let [act] = rates([&mut || collect(&mut agent, &mut rollout)]);
+        let operations = rounds as f64 * threads as f64 * FmaLoop::operations_per_round();
+        (update, act, peak * operations)
     });
     let samples_per_second = update * (rollout.samples() * agent.config().epochs) as f64;
     let gflops = samples_per_second * operations_per_sample(&agent) * 1e-9;
@@ -99,18 +97,18 @@ pub fn bench(
     })
 }
 
-/// Calls per second, in the fastest round.
-fn rate(mut call: impl FnMut()) -> f64 {
-    call();
-    let mut best: f64 = 0.0;
+/// Calls per second of each function in its fastest round; the rounds take turns, so that all meet the same machine.
+fn rates<const N: usize>(mut calls: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let mut best = [0.0_f64; N];
     for _ in 0..ROUNDS {
-        let start = Instant::now();
-        let mut calls = 0;
-        while start.elapsed() < ROUND {
-            call();
-            calls += 1;
+        for (call, best) in calls.iter_mut().zip(&mut best) {
+            let (start, mut count) = (Instant::now(), 0);
+            while count == 0 || start.elapsed() < ROUND {
+                call();
+                count += 1;
+            }
+            *best = best.max(f64::from(count) / start.elapsed().as_secs_f64());
         }
-        best = best.max(f64::from(calls) / start.elapsed().as_secs_f64());
     }
     best
 }

@@ -154,3 +154,58 @@ impl Kernel for Product<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::Level;
+    use proptest::prelude::*;
+
+    /// An invented element, of few digits so that products are exact.
+    fn element(row: usize, column: usize, salt: usize) -> f32 {
+        ((row * 31 + column * 17 + salt * 7) % 23) as f32 - 11.0
+    }
+
+    fn panels(rows: usize, columns: usize, salt: usize) -> Panels {
+        let mut panels = Panels::new(rows, columns);
+        (0..rows).for_each(|i| (0..columns).for_each(|j| panels.set(i, j, element(i, j, salt))));
+        panels
+    }
+
+    proptest! {
+        #[test]
+        fn products_of_every_instruction_set_agree_with_the_sum_over_the_depth(
+            rows in 1_usize..70,
+            depth in 1_usize..300,
+            columns in 1_usize..100,
+            transposed: bool,
+            accumulate: bool,
+        ) {
+            let left = if transposed { panels(depth, rows, 1) } else { panels(rows, depth, 1) };
+            let right = panels(depth, columns, 2);
+            for level in [Level::Baseline, Level::Avx2, Level::Avx512] {
+                let mut out = vec![0.5; rows * columns];
+                simd::dispatch_on(level, Product {
+                    left: left.left(0, transposed),
+                    rows,
+                    depth,
+                    right: &right.data,
+                    right_panel: right.panel,
+                    columns,
+                    out: &mut out,
+                    out_stride: columns,
+                    out_panel: PANEL,
+                    accumulate,
+                });
+                for i in 0..rows {
+                    for j in 0..columns {
+                        let of = |k| if transposed { element(k, i, 1) } else { element(i, k, 1) };
+                        let sum: f32 = (0..depth).map(|k| of(k) * element(k, j, 2)).sum();
+                        let expected = if accumulate { sum + 0.5 } else { sum };
+                        prop_assert_eq!(out[i * columns + j], expected, "{:?} {} {}", level, i, j);
+                    }
+                }
+            }
+        }
+    }
+}
