@@ -1,0 +1,85 @@
+"""The robots of the project in MuJoCo, and what the Rust side says of them."""
+
+import json
+import subprocess
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+from omniwalk_reference import mjcf
+from omniwalk_reference.robot import Robot, load
+
+ROOT = Path(__file__).parents[2]
+ROBOTS = ["robots/nimbro_op2x", "robots/pendulum", "python/tests/robots/awkward"]
+"""Folders: a humanoid with couplings, a rig with a fixed base, and a collection of everything that is difficult."""
+
+STATES = 64
+
+
+@cache
+def dump(robot: str, engine: str, dt: float) -> SimpleNamespace:
+    """The output of the example `dynamics_dump` for a robot of the project: link properties and random states."""
+    command = ["cargo", "run", "--quiet", "--release", "-p", "omniwalk-env", "--example", "dynamics_dump", "--"]
+    arguments = [robot, engine, "1", str(STATES), str(dt)]
+    result = subprocess.run(command + arguments, cwd=ROOT, capture_output=True, text=True)
+    if "no instructions" in result.stderr:
+        pytest.skip(result.stderr.strip())
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout, object_hook=lambda entries: SimpleNamespace(**entries))
+
+
+@dataclass
+class Subject:
+    """A robot as Python reads it, and in MuJoCo."""
+
+    folder: str
+    robot: Robot
+    model: mujoco.MjModel
+
+    def coupling(self, rotation: np.ndarray) -> np.ndarray:
+        """G of `qvel = G v`, where v are the velocities of the Rust side: base origin and base rotation in the
+        world frame (if it floats), then the degrees of freedom. MuJoCo has the base's rotation in its own frame."""
+        joints, base = self.robot.tree.joints, 6 if self.robot.floating else 0
+        free = [joint.name for joint in joints if joint.mimic is None]
+        matrix = np.zeros((base + len(joints), base + len(free)))
+        if base:
+            matrix[:3, :3], matrix[3:6, 3:6] = np.eye(3), rotation.T
+        for row, joint in enumerate(joints):
+            leader, ratio, _ = joint.mimic or (joint.name, 1.0, 0.0)
+            matrix[base + row, base + free.index(leader)] = ratio
+        return matrix
+
+    def data(self, state: SimpleNamespace, dofs: list[str], gravity: list[float]) -> tuple[mujoco.MjData, np.ndarray]:
+        """MuJoCo in a state of the Rust side, all quantities computed, and the state's coupling matrix."""
+        data = mujoco.MjData(self.model)
+        self.model.opt.gravity[:] = gravity
+        positions = self.robot.tree.positions(dict(zip(dofs, state.positions)))
+        free = [joint.name for joint in self.robot.tree.joints if joint.mimic is None]
+        velocities = [state.velocities[dofs.index(name)] for name in free]
+        rotation = matrix(state.base.orientation)
+        base = [*state.base.position, *state.base.orientation] if self.robot.floating else []
+        data.qpos[:] = [*base, *positions]
+        twist = [*state.base_linear_velocity, *state.base_angular_velocity] if self.robot.floating else []
+        coupling = self.coupling(rotation)
+        data.qvel[:] = coupling @ [*twist, *velocities]
+        mujoco.mj_forward(self.model, data)
+        return data, coupling
+
+
+def matrix(quaternion: list[float]) -> np.ndarray:
+    """Rotation matrix of a quaternion w, x, y, z."""
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, np.array(quaternion, float))
+    return rotation.reshape(3, 3)
+
+
+@cache
+def subject(folder: str, physics_hz: float = 1000.0) -> Subject:
+    """A robot of the project, compiled in MuJoCo."""
+    robot = load(ROOT / folder)
+    return Subject(folder, robot, mujoco.MjModel.from_xml_string(mjcf.write(robot, physics_hz)))
