@@ -28,6 +28,12 @@ pub enum EngineError {
         /// The robot's name.
         robot: String,
     },
+    /// A lane type whose instructions this processor lacks.
+    #[error("this processor has no instructions for simd = {:?}; the fastest it has is {:?}", .level.name(), lanes::Simd::detect().name())]
+    Simd {
+        /// The lane type.
+        level: lanes::Simd,
+    },
 }
 
 /// Friction between sole and ground (thesis 7.4).

@@ -77,10 +77,10 @@ pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<
         let mut wrench = Force::zero();
         for (point, impulse) in target.points.iter_mut().zip(impulses) {
             point_response(&target.response, point, &scales, model.dt);
-            let reached = |x: L| L::zero().select_lt(point.normal_max, x, L::zero());
-            impulse.normal = reached(impulse.normal);
+            let [o, reach] = [L::zero(), point.normal_max];
+            impulse.normal = o.select_lt(reach, impulse.normal, o);
             for f in &mut impulse.friction {
-                *f = reached(*f);
+                *f = o.select_lt(reach, *f, o);
             }
             wrench = wrench.plus(point_wrench(point, impulse, &scales));
         }
@@ -107,7 +107,10 @@ fn unit_wrenches<L: Lane>(
 ) {
     let (o, i) = (L::zero(), L::of(1.0));
     for (column, subspace) in columns.iter_mut().zip(&body.subspaces) {
-        *column = subspace.map_or([o; 6], |s| subspaces[s].at(centre).array());
+        *column = match *subspace {
+            Some(s) => subspaces[s].at(centre).array(),
+            None => [o; 6],
+        };
     }
     if model.floating {
         let c = centre;
@@ -158,34 +161,44 @@ fn at_point<L: Lane>(twist: &[L; 6], arm: Vec3<L>) -> [L; 6] {
 /// The point's inverse inertias: its normal row, the inverse of its frictional block, the step when it slips.
 #[inline(always)]
 fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, scales: &[L; 5], dt: f64) {
-    // Rows of the response to a wrench at the point; a force there acts at the reference point with moment arm x force.
+    // Rows of the response to a wrench at the reference point, of the twist at the contact point.
     let mut rows = [[L::zero(); 6]; 6];
     for c in 0..6 {
-        let column = [0, 1, 2, 3, 4, 5].map(|r| response[r][c]);
+        let mut column = [L::zero(); 6];
+        for r in 0..6 {
+            column[r] = response[r][c];
+        }
         let shifted = at_point(&column, point.arm);
         for r in 0..6 {
             rows[r][c] = shifted[r];
         }
     }
-    let [vx, vy, vz, wx, wy, wz] = rows;
-    point.normal_response = vz;
-    let own = at_point(&vz, point.arm)[2];
-    point.normal_step = (own + L::of(1.0 / (dt * (dt * STIFFNESS + DAMPING)))).recip();
+    point.normal_response = rows[2];
+    // A force at the contact point acts at the reference point with moment arm x force: the columns shift like the rows.
+    let own = at_point(&rows[2], point.arm)[2];
+    point.normal_step = (own + L::of(softness(dt))).recip();
 
-    let order = [vx, vy, wx, wy, wz]
-        .map(|row| at_point(&row, point.arm))
-        .map(|[x, y, _, a, b, c]| [x, y, a, b, c]);
-    let mut block = order;
+    let mut block = [[L::zero(); 5]; 5];
     let mut trace = L::zero();
     for r in 0..5 {
+        let shifted = at_point(&rows[FRICTIONAL[r]], point.arm);
         for c in 0..5 {
-            block[r][c] = order[r][c] * (scales[r] * scales[c]);
+            block[r][c] = shifted[FRICTIONAL[c]] * (scales[r] * scales[c]);
         }
         block[r][r] += (scales[r] * scales[r]).mul_add(L::of(creep(r, dt)), L::of(1e-9));
         trace += block[r][r];
     }
     point.slip_step = trace.recip();
     point.friction_inverse = inverse(&block);
+}
+
+/// The twist's components that friction opposes: along x and y, about x, y and z.
+const FRICTIONAL: [usize; 5] = [0, 1, 3, 4, 5];
+
+/// Approach speed of the normal row per unit of impulse.
+#[inline(always)]
+fn softness(dt: f64) -> f64 {
+    1.0 / (dt * (dt * STIFFNESS + DAMPING))
 }
 
 /// Slip speed of frictional component `r` per unit of impulse.
@@ -197,7 +210,11 @@ fn creep(r: usize, dt: f64) -> f64 {
 /// `x - a . b`
 #[inline(always)]
 fn less_products<L: Lane>(x: L, a: &[L], b: &[L]) -> L {
-    a.iter().zip(b).fold(x, |sum, (a, b)| a.neg_mul_add(*b, sum))
+    let mut rest = x;
+    for (a, b) in a.iter().zip(b) {
+        rest = a.neg_mul_add(*b, rest);
+    }
+    rest
 }
 
 /// The inverse of a symmetric positive definite matrix by Cholesky factorisation.
@@ -308,8 +325,7 @@ fn push<L: Lane>(
     wrench: &mut Force<L>,
     dt: f64,
 ) {
-    let softness = L::of(1.0 / (dt * (dt * STIFFNESS + DAMPING)));
-    let approach = at_point(twist, point.arm)[2] + softness.mul_add(impulse.normal, point.bias);
+    let approach = at_point(twist, point.arm)[2] + L::of(softness(dt)).mul_add(impulse.normal, point.bias);
     let next = point
         .normal_step
         .neg_mul_add(approach, impulse.normal)

@@ -62,7 +62,10 @@ pub fn prepare_rows<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut 
         let path = &model.rows[k];
         let column = &mut work.columns[path.start..=path.diagonal()];
         half_solve_unit(&model.rows, &work.mass_matrix, &work.inverse_diagonal, k, column);
-        let response = column.iter().fold(L::zero(), |sum, y| y.mul_add(*y, sum));
+        let mut response = L::zero();
+        for y in &*column {
+            response = y.mul_add(*y, response);
+        }
         let row = &mut work.rows[d];
         row.response = response;
         row.inverse_response = response.recip();

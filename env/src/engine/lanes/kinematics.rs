@@ -60,12 +60,18 @@ fn place<L: Lane>(joint: &JointModel<L>, position: L, parent: &LinkWork<L>, link
 fn turned<L: Lane>(joint: &JointModel<L>, angle: L) -> Mat3<L> {
     let (sin, cos) = sin_cos(angle);
     let versine = L::of(1.0) - cos;
-    let row = |i: usize| {
-        Vec3::splat(joint.rest[i])
-            .plus_scaled(Vec3::splat(joint.turn_sin[i]), sin)
-            .plus_scaled(Vec3::splat(joint.turn_cos[i]), versine)
-    };
-    Mat3([row(0), row(1), row(2)])
+    Mat3([
+        turned_row(joint, 0, sin, versine),
+        turned_row(joint, 1, sin, versine),
+        turned_row(joint, 2, sin, versine),
+    ])
+}
+
+#[inline(always)]
+fn turned_row<L: Lane>(joint: &JointModel<L>, i: usize, sin: L, versine: L) -> Vec3<L> {
+    Vec3::splat(joint.rest[i])
+        .plus_scaled(Vec3::splat(joint.turn_sin[i]), sin)
+        .plus_scaled(Vec3::splat(joint.turn_cos[i]), versine)
 }
 
 #[inline(always)]

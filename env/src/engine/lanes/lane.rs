@@ -107,40 +107,45 @@ pub trait Kernel: Lane {
 }
 
 macro_rules! operators {
-    ($lane:ident, $add:expr, $sub:expr, $mul:expr, $div:expr, $neg:expr) => {
+    ($lane:ident, $a:ident, $b:ident, $add:expr, $sub:expr, $mul:expr, $div:expr, $neg:expr) => {
         impl Add for $lane {
             type Output = Self;
             #[inline(always)]
             fn add(self, other: Self) -> Self {
-                $add(self, other)
+                let ($a, $b) = (self, other);
+                $add
             }
         }
         impl Sub for $lane {
             type Output = Self;
             #[inline(always)]
             fn sub(self, other: Self) -> Self {
-                $sub(self, other)
+                let ($a, $b) = (self, other);
+                $sub
             }
         }
         impl Mul for $lane {
             type Output = Self;
             #[inline(always)]
             fn mul(self, other: Self) -> Self {
-                $mul(self, other)
+                let ($a, $b) = (self, other);
+                $mul
             }
         }
         impl Div for $lane {
             type Output = Self;
             #[inline(always)]
             fn div(self, other: Self) -> Self {
-                $div(self, other)
+                let ($a, $b) = (self, other);
+                $div
             }
         }
         impl Neg for $lane {
             type Output = Self;
             #[inline(always)]
             fn neg(self) -> Self {
-                $neg(self)
+                let $a = self;
+                $neg
             }
         }
         impl AddAssign for $lane {
@@ -170,11 +175,13 @@ pub struct Single(f64);
 
 operators!(
     Single,
-    |a: Single, b: Single| Single(a.0 + b.0),
-    |a: Single, b: Single| Single(a.0 - b.0),
-    |a: Single, b: Single| Single(a.0 * b.0),
-    |a: Single, b: Single| Single(a.0 / b.0),
-    |a: Single| Single(-a.0)
+    a,
+    b,
+    Single(a.0 + b.0),
+    Single(a.0 - b.0),
+    Single(a.0 * b.0),
+    Single(a.0 / b.0),
+    Single(-a.0)
 );
 
 impl Lane for Single {
@@ -261,11 +268,13 @@ mod x86 {
 
             operators!(
                 $lane,
-                |a: $lane, b: $lane| $lane(unsafe { $add(a.0, b.0) }),
-                |a: $lane, b: $lane| $lane(unsafe { $sub(a.0, b.0) }),
-                |a: $lane, b: $lane| $lane(unsafe { $mul(a.0, b.0) }),
-                |a: $lane, b: $lane| $lane(unsafe { $div(a.0, b.0) }),
-                |a: $lane| $lane(unsafe { $sub($set1(-0.0), a.0) })
+                a,
+                b,
+                $lane(unsafe { $add(a.0, b.0) }),
+                $lane(unsafe { $sub(a.0, b.0) }),
+                $lane(unsafe { $mul(a.0, b.0) }),
+                $lane(unsafe { $div(a.0, b.0) }),
+                $lane(unsafe { $sub($set1(-0.0), a.0) })
             );
 
             impl Lane for $lane {

@@ -28,7 +28,7 @@ mod work;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{BaseState, Drive, Engine, JointState, Start, World};
+use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
 use crate::robot::Robot;
 use engine::Batch;
 
@@ -104,11 +104,6 @@ impl Simd {
     }
 }
 
-/// A level that this processor does not have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("this processor has no instructions for `simd = \"{}\"`; the fastest it has is \"{}\"", .0.name(), Simd::detect().name())]
-pub struct Unavailable(pub Simd);
-
 /// Time spent in a phase of the step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phase {
@@ -160,10 +155,13 @@ impl Lanes {
     /// `worlds` copies of `robot` at a physics step of `dt` seconds.
     ///
     /// # Errors
-    /// [`Unavailable`] when the processor lacks the instructions of `level`.
-    pub fn new(robot: &Robot, dt: f64, worlds: usize, level: Simd) -> Result<Self, Unavailable> {
+    /// When `dt` is not a positive number or the processor lacks the instructions of `level`.
+    pub fn new(robot: &Robot, dt: f64, worlds: usize, level: Simd) -> Result<Self, EngineError> {
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(EngineError::TimeStep { dt });
+        }
         if !level.is_available() {
-            return Err(Unavailable(level));
+            return Err(EngineError::Simd { level });
         }
         let batch = match level {
             #[cfg(target_arch = "x86_64")]

@@ -90,9 +90,14 @@ impl<L: Lane> Mat3<L> {
     /// `self b`
     #[inline(always)]
     pub fn multiply(&self, b: &Self) -> Self {
-        let [p, q, r] = b.0;
-        let row = |a: Vec3<L>| p.times(a.x).plus_scaled(q, a.y).plus_scaled(r, a.z);
-        Self([row(self.0[0]), row(self.0[1]), row(self.0[2])])
+        let [p, q, r] = self.0;
+        Self([b.combined(p), b.combined(q), b.combined(r)])
+    }
+    /// The rows' sum weighted by `a`: `self^T a`.
+    #[inline(always)]
+    pub fn combined(&self, a: Vec3<L>) -> Vec3<L> {
+        let [p, q, r] = self.0;
+        p.times(a.x).plus_scaled(q, a.y).plus_scaled(r, a.z)
     }
     /// The rotation of a unit quaternion.
     #[inline(always)]
@@ -185,23 +190,16 @@ impl<L: Lane> Quaternion<L> {
         let half = rotation.times(L::of(0.5));
         let square = half.dot(half);
         // Taylor series of sin(a) / a and cos(a) in a^2: 1e-14 up to half a radian per step, normalised beyond.
-        let series = |coefficients: [f64; 6]| {
-            let [first, rest @ ..] = coefficients;
-            let mut sum = L::of(first);
-            for c in rest {
-                sum = sum.mul_add(square, L::of(c));
-            }
-            sum
-        };
-        let v = half.times(series([
+        let sinc = [
             -1.0 / 39_916_800.0,
             1.0 / 362_880.0,
             -1.0 / 5040.0,
             1.0 / 120.0,
             -1.0 / 6.0,
             1.0,
-        ]));
-        let c = series([-1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0]);
+        ];
+        let cos = [-1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0];
+        let (v, c) = (half.times(polynomial(square, sinc)), polynomial(square, cos));
         let u = Vec3::new(self.x, self.y, self.z);
         let w = c * self.w - v.dot(u);
         let xyz = u.times(c).plus_scaled(v, self.w).plus_cross(v, u);
@@ -382,6 +380,16 @@ impl<L: Lane> Inertia<L> {
     }
 }
 
+/// Horner's rule, the highest power first.
+#[inline(always)]
+fn polynomial<L: Lane, const N: usize>(x: L, coefficients: [f64; N]) -> L {
+    let mut sum = L::of(coefficients[0]);
+    for c in &coefficients[1..] {
+        sum = sum.mul_add(x, L::of(*c));
+    }
+    sum
+}
+
 /// Sine and cosine: Cody-Waite reduction to a quarter turn, then the fdlibm (f64) or Cephes (f32) polynomials.
 #[inline(always)]
 pub fn sin_cos<L: Lane>(angle: L) -> (L, L) {
@@ -401,36 +409,35 @@ pub fn sin_cos<L: Lane>(angle: L) -> (L, L) {
         r = quarter.neg_mul_add(L::of(part), r);
     }
     let r2 = r * r;
-    let polynomial = |coefficients: &[f64]| {
-        let mut sum = L::of(coefficients[0]);
-        for &c in &coefficients[1..] {
-            sum = sum.mul_add(r2, L::of(c));
-        }
-        sum
-    };
     let (s, c) = if L::DOUBLE {
         (
-            polynomial(&[
-                1.589_690_995_211_55e-10,
-                -2.505_076_025_340_686_3e-8,
-                2.755_731_370_707_006_8e-6,
-                -1.984_126_982_985_795e-4,
-                8.333_333_333_322_49e-3,
-                -1.666_666_666_666_663_2e-1,
-            ]),
-            polynomial(&[
-                -1.135_964_755_778_819_5e-11,
-                2.087_572_321_298_175e-9,
-                -2.755_731_435_139_066_3e-7,
-                2.480_158_728_947_673e-5,
-                -1.388_888_888_887_411e-3,
-                4.166_666_666_666_66e-2,
-            ]),
+            polynomial(
+                r2,
+                [
+                    1.589_690_995_211_55e-10,
+                    -2.505_076_025_340_686_3e-8,
+                    2.755_731_370_707_006_8e-6,
+                    -1.984_126_982_985_795e-4,
+                    8.333_333_333_322_49e-3,
+                    -1.666_666_666_666_663_2e-1,
+                ],
+            ),
+            polynomial(
+                r2,
+                [
+                    -1.135_964_755_778_819_5e-11,
+                    2.087_572_321_298_175e-9,
+                    -2.755_731_435_139_066_3e-7,
+                    2.480_158_728_947_673e-5,
+                    -1.388_888_888_887_411e-3,
+                    4.166_666_666_666_66e-2,
+                ],
+            ),
         )
     } else {
         (
-            polynomial(&[-1.951_529_6e-4, 8.332_161e-3, -1.666_665_5e-1]),
-            polynomial(&[2.443_315_7e-5, -1.388_731_6e-3, 4.166_664_6e-2]),
+            polynomial(r2, [-1.951_529_6e-4, 8.332_161e-3, -1.666_665_5e-1]),
+            polynomial(r2, [2.443_315_7e-5, -1.388_731_6e-3, 4.166_664_6e-2]),
         )
     };
     let sin = (r2 * r).mul_add(s, r);
