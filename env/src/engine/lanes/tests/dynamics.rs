@@ -116,3 +116,60 @@ fn mass_matrix_bias_and_factor_agree_with_geometric_jacobians_in_every_width() {
         }
     }
 }
+
+/// What the engine's world 0 does now.
+fn state(robot: &Robot, engine: &Lanes) -> Start {
+    let base = engine.base(0);
+    Start {
+        position: base.position,
+        orientation: base.orientation,
+        linear_velocity: base.linear_velocity,
+        angular_velocity: base.angular_velocity,
+        joints: engine.joints().position[..robot.dofs.len()].to_vec(),
+        joint_velocities: engine.joints().velocity[..robot.dofs.len()].to_vec(),
+    }
+}
+
+/// Drift of energy, momentum and angular momentum about the centre of mass after `steps` steps of free flight, relative.
+fn drift(robot: &Robot, begin: &Start, level: Simd, dt: f64, seconds: f64) -> [f64; 3] {
+    let world = world(robot);
+    let mut engine = single(robot, dt, level, begin, &world);
+    let first = Reference::new(robot, &state(robot, &engine), &world);
+    for _ in 0..(seconds / dt).round() as usize {
+        engine.step(&Drive::idle(robot.dofs.len(), 1));
+    }
+    let last = Reference::new(robot, &state(robot, &engine), &world);
+    let about_com = |r: &Reference| r.angular_momentum - r.com.cross(&r.momentum);
+    let energy = |r: &Reference| r.kinetic + r.potential;
+    let expected = first.momentum + world.gravity * (robot.mass() * seconds);
+    [
+        (energy(&last) - energy(&first)).abs() / first.kinetic,
+        (last.momentum - expected).norm() / first.momentum.norm(),
+        (about_com(&last) - about_com(&first)).norm() / about_com(&first).norm(),
+    ]
+}
+
+#[test]
+fn free_flight_conserves_energy_and_momentum_to_first_order_in_the_step() {
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    for robot in [
+        robots::random(1, Base::Floating, 8),
+        robots::random(5, Base::Floating, 12),
+    ] {
+        let mut begin = random_start(&robot, &mut rng);
+        begin.position.z = 100.0;
+        begin.joint_velocities.iter_mut().for_each(|v| *v *= 0.3);
+        let drifts = [4e-4, 2e-4, 1e-4].map(|dt| drift(&robot, &begin, Simd::Scalar, dt, 0.2));
+        for (coarse, fine) in [(drifts[0], drifts[1]), (drifts[1], drifts[2])] {
+            for (coarse, fine) in coarse.iter().zip(fine) {
+                assert!(*coarse < 0.02 && fine < 0.6 * coarse, "drifts {drifts:?}");
+            }
+        }
+        for level in levels() {
+            let rounded = drift(&robot, &begin, level, 4e-4, 0.2);
+            for (own, exact) in rounded.iter().zip(drifts[0]) {
+                assert!((own - exact).abs() < 1e-3, "{}: {own} beside {exact}", level.name());
+            }
+        }
+    }
+}
