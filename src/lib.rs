@@ -1,6 +1,10 @@
-//! The parts the command line is made of: configuration, the run folder, logs and what `inspect` says of a file.
+//! The parts the command line is made of: configuration, training, evaluation, the run folder, logs.
 
+pub mod command;
 pub mod config;
+pub mod eval;
 pub mod inspect;
 pub mod log;
 pub mod run;
+pub mod settings;
+pub mod train;

@@ -2,14 +2,10 @@
 //!
 //! Bad input ends in a report on stderr and exit code 2, and nothing is written.
 
-use std::io::Write;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use miette::Report;
-use omniwalk::config::Layers;
-use omniwalk::inspect;
+use omniwalk::command::{bench, eval, inspect, train};
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
 #[derive(Parser)]
@@ -21,30 +17,24 @@ struct CommandLine {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Describes what a run folder, policy, checkpoint, log, configuration, metrics or events file holds.
-    Inspect {
-        /// The file or folder.
-        path: PathBuf,
-    },
+    Train(train::Args),
+    Eval(eval::Args),
+    Inspect(inspect::Args),
+    Bench(bench::Args),
 }
 
 fn main() -> ExitCode {
-    match run(CommandLine::parse().command) {
+    let result = match CommandLine::parse().command {
+        Command::Train(args) => train::run(&args),
+        Command::Eval(args) => eval::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
+        Command::Bench(args) => bench::run(&args),
+    };
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(report) => {
             eprintln!("{report:?}");
             ExitCode::from(2)
-        }
-    }
-}
-
-fn run(command: Command) -> Result<(), Report> {
-    match command {
-        Command::Inspect { path } => {
-            let text = inspect::describe(&path, &Layers::new("")?)?;
-            // Whoever reads may stop reading, as `head` does.
-            let _ = std::io::stdout().write_all(text.as_bytes());
-            Ok(())
         }
     }
 }

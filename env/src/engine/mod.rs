@@ -11,7 +11,8 @@ pub mod rapier;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::robot::{Inertial, Passive};
+use crate::config::{EngineKind, EnvConfig};
+use crate::robot::{Inertial, Passive, Robot};
 
 /// Why an engine cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -22,6 +23,9 @@ pub enum EngineError {
         /// The step, s.
         dt: f64,
     },
+    /// A SIMD level this processor does not have.
+    #[error("engine.simd: {0}")]
+    Unavailable(String),
     /// A robot that is a single rigid link.
     #[error("robot {robot:?} has no moving joint; an engine needs at least one")]
     NoJoints {
@@ -75,6 +79,20 @@ pub struct Start {
     pub joints: Vec<f64>,
     /// Velocities of the degrees of freedom, rad/s or m/s.
     pub joint_velocities: Vec<f64>,
+}
+
+impl Start {
+    /// The nominal pose at rest.
+    pub fn nominal(robot: &Robot) -> Self {
+        Self {
+            position: robot.base_pose.translation.vector,
+            orientation: robot.base_pose.rotation,
+            linear_velocity: Vector3::zeros(),
+            angular_velocity: Vector3::zeros(),
+            joints: robot.nominal(),
+            joint_velocities: vec![0.0; robot.dofs.len()],
+        }
+    }
 }
 
 /// What acts at the joints during one physics step: an implicit spring-damper with a clamp, a feed-forward
@@ -179,4 +197,30 @@ pub trait Engine: Send {
     /// # Errors
     /// A message when the bytes are not from this engine and robot.
     fn load(&mut self, world: usize, bytes: &[u8]) -> Result<(), String>;
+}
+
+/// An engine of the configured kind with `worlds` worlds of `robot`.
+///
+/// # Errors
+/// [`EngineError`] when the engine does not take the robot, or this processor lacks the SIMD level.
+pub fn build(robot: &Robot, config: &EnvConfig, worlds: usize) -> Result<Box<dyn Engine>, EngineError> {
+    let dt = config.physics_dt();
+    match config.engine.kind {
+        EngineKind::Rapier => Ok(Box::new(rapier::Rapier::new(robot, dt, worlds)?)),
+        EngineKind::Lanes => {
+            let level = config.engine.simd.level();
+            let lanes = lanes::Lanes::new(robot, dt, worlds, level);
+            Ok(Box::new(
+                lanes.map_err(|error| EngineError::Unavailable(error.to_string()))?,
+            ))
+        }
+    }
+}
+
+/// Worlds that one engine object should hold: what a thread steps at a time.
+pub fn group_width(config: &EnvConfig) -> usize {
+    match config.engine.kind {
+        EngineKind::Rapier => 1,
+        EngineKind::Lanes => config.engine.simd.level().width(),
+    }
 }

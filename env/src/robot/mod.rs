@@ -4,6 +4,7 @@
 //! A robot is a folder (or a single URDF): the URDF gives links, joints, limits and mimic couplings, the TOML
 //! everything a URDF cannot say. Units are SI and radians throughout; frames are the URDF's own.
 
+mod controller;
 mod feet;
 mod joints;
 mod kinematics;

@@ -1,0 +1,334 @@
+//! Many environments behind flat arrays, stepped by all cores.
+//!
+//! A batch is made of groups; a group is one engine object with its worlds and the environments around them.
+//! Groups share nothing that changes, so the result does not depend on how many threads step them.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::actuators::Actuators;
+use crate::config::EnvConfig;
+use crate::engine::{self, BaseState, Engine};
+use crate::error::EnvError;
+use crate::robot::Robot;
+use crate::task::command::CommandRange;
+use crate::task::environment::{End, Environment, Episode, Scratch};
+use crate::task::reward::{Factors, Terms};
+use crate::task::shared::Shared;
+
+/// A batch of environments. Row `e` of every array belongs to environment `e`.
+pub struct Batch {
+    shared: Arc<Shared>,
+    groups: Vec<Group>,
+    factors: Factors,
+    observations: Vec<f32>,
+    final_observations: Vec<f32>,
+    terms: Vec<Terms>,
+    ends: Vec<Option<End>>,
+    episodes: Vec<Episode>,
+}
+
+/// The environments around one engine object.
+struct Group {
+    first: usize,
+    engine: Box<dyn Engine>,
+    actuators: Actuators,
+    environments: Vec<Environment>,
+    scratch: Scratch,
+    observations: Vec<f32>,
+    final_observations: Vec<f32>,
+    terms: Vec<Terms>,
+    ends: Vec<Option<End>>,
+    episodes: Vec<Episode>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    factors: Factors,
+    groups: Vec<SavedGroup>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct SavedGroup {
+    environments: Vec<Environment>,
+    targets: Vec<f64>,
+    observations: Vec<f32>,
+    worlds: Vec<Vec<u8>>,
+}
+
+impl Batch {
+    /// `environments` environments of `robot`, each at the start of its first episode.
+    ///
+    /// # Errors
+    /// [`EnvError`] when robot, configuration and engine do not fit together.
+    pub fn new(robot: Arc<Robot>, config: &EnvConfig, environments: usize, seed: u64) -> Result<Self, EnvError> {
+        let shared = Arc::new(Shared::new(robot, config, seed)?);
+        let width = engine::group_width(config).min(environments.max(1));
+        let groups = (0..environments)
+            .step_by(width)
+            .map(|first| Group::new(&shared, first, width.min(environments - first)))
+            .collect::<Result<Vec<_>, _>>()?;
+        let observation_len = shared.spec.observation_len();
+        let mut batch = Self {
+            shared,
+            groups,
+            factors: Factors {
+                velocity: 1.0,
+                foot: 1.0,
+            },
+            observations: vec![0.0; environments * observation_len],
+            final_observations: vec![0.0; environments * observation_len],
+            terms: vec![Terms::default(); environments],
+            ends: vec![None; environments],
+            episodes: Vec::new(),
+        };
+        batch.reset();
+        Ok(batch)
+    }
+
+    /// Number of environments.
+    pub fn environments(&self) -> usize {
+        self.terms.len()
+    }
+
+    /// What the environments have in common.
+    pub fn shared(&self) -> &Shared {
+        &self.shared
+    }
+
+    /// Observations that wait for an action, row-major.
+    pub fn observations(&self) -> &[f32] {
+        &self.observations
+    }
+
+    /// The last observation of the episodes that ended in the last step; other rows are meaningless.
+    pub fn final_observations(&self) -> &[f32] {
+        &self.final_observations
+    }
+
+    /// Rewards of the last step by term.
+    pub fn terms(&self) -> &[Terms] {
+        &self.terms
+    }
+
+    /// Which episodes ended in the last step, and how. Those environments have already started another.
+    pub fn ends(&self) -> &[Option<End>] {
+        &self.ends
+    }
+
+    /// The episodes that ended since the last call, in the order of steps and environments.
+    pub fn take_episodes(&mut self) -> std::vec::Drain<'_, Episode> {
+        self.episodes.drain(..)
+    }
+
+    /// Sets the curriculum's factors on the reward.
+    pub fn set_factors(&mut self, factors: Factors) {
+        self.factors = factors;
+    }
+
+    /// Sets where every environment draws desired velocities from, from its next draw on.
+    pub fn set_range(&mut self, range: CommandRange) {
+        self.groups
+            .iter_mut()
+            .flat_map(|group| &mut group.environments)
+            .for_each(|e| e.set_range(range));
+    }
+
+    /// Sets where environment `e` draws desired velocities from, from its next draw on.
+    pub fn set_range_of(&mut self, e: usize, range: CommandRange) {
+        let (group, world) = self.place(e);
+        self.groups[group].environments[world].set_range(range);
+    }
+
+    /// Starts an episode everywhere.
+    pub fn reset(&mut self) {
+        let shared = &self.shared;
+        self.groups.par_iter_mut().for_each(|group| group.reset(shared));
+        self.gather();
+    }
+
+    /// One control step: `actions` in [0, 1], one row an environment.
+    pub fn step(&mut self, actions: &[f32]) {
+        let joints = self.shared.spec.action_len();
+        debug_assert_eq!(actions.len(), self.environments() * joints);
+        let (shared, factors) = (&self.shared, self.factors);
+        self.groups.par_iter_mut().for_each(|group| {
+            let rows = group.first * joints..(group.first + group.environments.len()) * joints;
+            group.step(shared, factors, &actions[rows]);
+        });
+        self.gather();
+    }
+
+    /// The environment `e`, its engine and its world there.
+    pub fn look(&self, e: usize) -> (&Environment, &dyn Engine, usize) {
+        let (group, world) = self.place(e);
+        (
+            &self.groups[group].environments[world],
+            &*self.groups[group].engine,
+            world,
+        )
+    }
+
+    /// True base state of environment `e`.
+    pub fn base(&self, e: usize) -> BaseState {
+        let (_, engine, world) = self.look(e);
+        engine.base(world)
+    }
+
+    /// Everything that determines the future of the batch.
+    pub fn save(&self) -> Vec<u8> {
+        let groups = self.groups.iter().map(Group::save).collect();
+        postcard::to_stdvec(&Saved {
+            factors: self.factors,
+            groups,
+        })
+        .expect("plain data always serialises")
+    }
+
+    /// Restores what [`Batch::save`] wrote: the batch goes on with the same bits.
+    ///
+    /// # Errors
+    /// [`EnvError::State`] when the bytes are damaged or from another configuration; the batch must then not be used.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<(), EnvError> {
+        let saved: Saved = postcard::from_bytes(bytes).map_err(|error| EnvError::State(error.to_string()))?;
+        if saved.groups.len() != self.groups.len() {
+            return Err(EnvError::State(format!(
+                "{} groups, not {}",
+                saved.groups.len(),
+                self.groups.len()
+            )));
+        }
+        self.factors = saved.factors;
+        for (group, saved) in self.groups.iter_mut().zip(saved.groups) {
+            group.load(saved)?;
+        }
+        self.gather();
+        Ok(())
+    }
+
+    fn place(&self, e: usize) -> (usize, usize) {
+        let width = self.groups[0].environments.len();
+        (e / width, e % width)
+    }
+
+    fn gather(&mut self) {
+        let n = self.shared.spec.observation_len();
+        for group in &mut self.groups {
+            let rows = group.first..group.first + group.environments.len();
+            let wide = rows.start * n..rows.end * n;
+            self.observations[wide.clone()].copy_from_slice(&group.observations);
+            self.final_observations[wide].copy_from_slice(&group.final_observations);
+            self.terms[rows.clone()].copy_from_slice(&group.terms);
+            self.ends[rows].copy_from_slice(&group.ends);
+            self.episodes.append(&mut group.episodes);
+        }
+    }
+}
+
+impl Group {
+    fn new(shared: &Shared, first: usize, worlds: usize) -> Result<Self, EnvError> {
+        let n = shared.spec.observation_len();
+        Ok(Self {
+            first,
+            engine: engine::build(&shared.robot, &shared.config, worlds)?,
+            actuators: Actuators::new(&shared.robot, worlds),
+            environments: (0..worlds)
+                .map(|w| Environment::new(shared, first + w))
+                .collect::<Result<_, _>>()?,
+            scratch: Scratch::new(shared),
+            observations: vec![0.0; worlds * n],
+            final_observations: vec![0.0; worlds * n],
+            terms: vec![Terms::default(); worlds],
+            ends: vec![None; worlds],
+            episodes: Vec::with_capacity(worlds),
+        })
+    }
+
+    fn reset(&mut self, shared: &Shared) {
+        let n = shared.spec.observation_len();
+        let Self {
+            engine,
+            actuators,
+            environments,
+            scratch,
+            observations,
+            ..
+        } = self;
+        for (w, (environment, row)) in environments
+            .iter_mut()
+            .zip(observations.chunks_exact_mut(n))
+            .enumerate()
+        {
+            environment.reset(shared, &mut **engine, actuators, w, scratch, row);
+        }
+    }
+
+    fn step(&mut self, shared: &Shared, factors: Factors, actions: &[f32]) {
+        let (n, joints) = (shared.spec.observation_len(), shared.spec.action_len());
+        let Self {
+            engine,
+            actuators,
+            environments,
+            scratch,
+            ..
+        } = self;
+        let engine = &mut **engine;
+        for (w, (environment, action)) in environments.iter_mut().zip(actions.chunks_exact(joints)).enumerate() {
+            environment.act(shared, engine, actuators, w, action);
+        }
+        let dt = shared.config.physics_dt();
+        for _ in 0..shared.config.substeps() {
+            engine.step(actuators.drive(engine.joints()));
+            for (w, environment) in environments.iter_mut().enumerate() {
+                environment.forces(engine, w, dt);
+            }
+        }
+        for (w, environment) in environments.iter_mut().enumerate() {
+            let row = &mut self.observations[w * n..(w + 1) * n];
+            let outcome = environment.finish(shared, engine, w, factors, scratch, row);
+            self.terms[w] = outcome.terms;
+            self.ends[w] = outcome.end;
+            if let Some(end) = outcome.end {
+                self.final_observations[w * n..(w + 1) * n].copy_from_slice(row);
+                self.episodes.push(environment.conclude(end));
+                environment.reset(shared, engine, actuators, w, scratch, row);
+            }
+        }
+    }
+
+    fn save(&self) -> SavedGroup {
+        let worlds = (0..self.environments.len())
+            .map(|w| {
+                let mut bytes = Vec::new();
+                self.engine.save(w, &mut bytes);
+                bytes
+            })
+            .collect();
+        SavedGroup {
+            environments: self.environments.clone(),
+            targets: self.actuators.targets().to_vec(),
+            observations: self.observations.clone(),
+            worlds,
+        }
+    }
+
+    fn load(&mut self, saved: SavedGroup) -> Result<(), EnvError> {
+        let fits = saved.environments.len() == self.environments.len()
+            && saved.worlds.len() == self.environments.len()
+            && saved.observations.len() == self.observations.len();
+        if !fits {
+            return Err(EnvError::State(
+                "another number of environments or another observation".into(),
+            ));
+        }
+        self.actuators.restore(&saved.targets).map_err(EnvError::State)?;
+        for (w, bytes) in saved.worlds.iter().enumerate() {
+            self.engine.load(w, bytes).map_err(EnvError::State)?;
+        }
+        self.environments = saved.environments;
+        self.observations = saved.observations;
+        Ok(())
+    }
+}

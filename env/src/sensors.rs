@@ -1,0 +1,152 @@
+//! What the robot measures: encoders, gyroscope and attitude with noise, and a latency by a history of
+//! readings (thesis 7.4, after Tan et al. 2018).
+
+use omniwalk_controller::attitude::fused_from_orientation;
+use serde::{Deserialize, Serialize};
+
+use crate::config::NoiseConfig;
+use crate::engine::BaseState;
+use crate::random::Stream;
+
+/// Gravity by which accelerometer noise becomes a tilt of the attitude estimate, m/s^2.
+const GRAVITY: f64 = 9.81;
+
+/// One reading of all sensors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// Joint positions in the policy's order, rad or m.
+    pub position: Vec<f32>,
+    /// Joint velocities in the policy's order, rad/s or m/s.
+    pub velocity: Vec<f32>,
+    /// Fused roll and pitch, rad.
+    pub attitude: [f32; 2],
+    /// Angular velocity in the base frame, rad/s.
+    pub gyro: [f32; 3],
+}
+
+impl Reading {
+    /// All zero, for `joints` joints.
+    pub fn zero(joints: usize) -> Self {
+        Self {
+            position: vec![0.0; joints],
+            velocity: vec![0.0; joints],
+            attitude: [0.0; 2],
+            gyro: [0.0; 3],
+        }
+    }
+
+    /// Measures the true state, with noise where it is enabled. `joint(i)` gives position and velocity of the policy's
+    /// joint `i`.
+    pub fn measure(
+        &mut self,
+        base: &BaseState,
+        joint: impl Fn(usize) -> (f64, f64),
+        noise: &NoiseConfig,
+        stream: &mut Stream,
+    ) {
+        let mut add = |deviation: f64| if noise.enabled { stream.normal(deviation) } else { 0.0 };
+        for i in 0..self.position.len() {
+            let (position, velocity) = joint(i);
+            self.position[i] = (position + add(noise.position)) as f32;
+            self.velocity[i] = (velocity + add(noise.velocity)) as f32;
+        }
+        let q = base.orientation;
+        let [roll, pitch] = fused_from_orientation([q.i as f32, q.j as f32, q.k as f32, q.w as f32]);
+        let tilt = noise.accelerometer / GRAVITY;
+        self.attitude = [roll + add(tilt) as f32, pitch + add(tilt) as f32];
+        let gyro = q.inverse() * base.angular_velocity;
+        self.gyro = [gyro.x, gyro.y, gyro.z].map(|x| (x + add(noise.gyro)) as f32);
+    }
+
+    /// `(1 - share) a + share b`.
+    fn blend(&mut self, a: &Self, b: &Self, share: f32) {
+        let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
+            for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+                *out = a + share * (b - a);
+            }
+        };
+        mix(&mut self.position, &a.position, &b.position);
+        mix(&mut self.velocity, &a.velocity, &b.velocity);
+        mix(&mut self.attitude, &a.attitude, &b.attitude);
+        mix(&mut self.gyro, &a.gyro, &b.gyro);
+    }
+}
+
+/// The last readings at the control rate, newest first in time behind `newest`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct History {
+    readings: Vec<Reading>,
+    newest: usize,
+    /// Latency in control steps.
+    delay: f64,
+    delayed: Reading,
+}
+
+impl History {
+    /// A history for latencies up to `longest` control steps.
+    pub fn new(joints: usize, longest: f64) -> Self {
+        Self {
+            readings: vec![Reading::zero(joints); longest.ceil() as usize + 2],
+            newest: 0,
+            delay: 0.0,
+            delayed: Reading::zero(joints),
+        }
+    }
+
+    /// Starts an episode: every reading is `first`, the latency `delay` control steps.
+    pub fn reset(&mut self, delay: f64, fill: impl FnOnce(&mut Reading)) {
+        self.newest = 0;
+        self.delay = delay.min((self.readings.len() - 2) as f64);
+        let (first, rest) = self
+            .readings
+            .split_first_mut()
+            .expect("a history holds at least two readings");
+        fill(first);
+        rest.iter_mut().for_each(|reading| reading.clone_from(first));
+    }
+
+    /// Records a reading and returns the one that is `delay` old, by linear interpolation.
+    pub fn record(&mut self, fill: impl FnOnce(&mut Reading)) -> &Reading {
+        let n = self.readings.len();
+        self.newest = (self.newest + 1) % n;
+        fill(&mut self.readings[self.newest]);
+        self.delayed()
+    }
+
+    /// The reading that reaches the policy now.
+    pub fn delayed(&mut self) -> &Reading {
+        let n = self.readings.len();
+        let whole = self.delay.floor() as usize;
+        let younger = &self.readings[(self.newest + n - whole) % n];
+        let older = &self.readings[(self.newest + n - whole - 1) % n];
+        self.delayed.blend(younger, older, (self.delay - whole as f64) as f32);
+        &self.delayed
+    }
+
+    /// The newest reading, without latency.
+    pub fn newest(&self) -> &Reading {
+        &self.readings[self.newest]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn latency_interpolates_between_adjacent_readings() {
+        let mut history = History::new(1, 2.0);
+        history.reset(1.25, |reading| reading.position[0] = 0.0);
+        for k in 1..=10 {
+            let value = history.record(|reading| reading.position[0] = k as f32).position[0];
+            assert_eq!(value, (k as f32 - 1.25).max(0.0), "step {k}");
+        }
+    }
+
+    #[test]
+    fn no_latency_gives_the_newest_reading() {
+        let mut history = History::new(1, 0.0);
+        history.reset(0.0, |reading| reading.position[0] = 5.0);
+        assert_eq!(history.record(|reading| reading.position[0] = 7.0).position[0], 7.0);
+    }
+}

@@ -1,0 +1,169 @@
+//! What all environments of a batch have in common: robot, layout, configuration and what follows from them.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use omniwalk_controller::{ActionSpec, Block, ClockSpec, CommandSpec, Spec};
+
+use super::overlap::Overlap;
+use crate::config::EnvConfig;
+use crate::engine::{Friction, World};
+use crate::error::EnvError;
+use crate::random::Stream;
+use crate::robot::Robot;
+
+/// Standard gravity, m/s^2.
+pub const GRAVITY: f64 = 9.81;
+
+/// Shared, immutable context of a batch.
+pub struct Shared {
+    /// The robot.
+    pub robot: Arc<Robot>,
+    /// Configuration.
+    pub config: EnvConfig,
+    /// Layout of observation and action.
+    pub spec: Spec,
+    /// Seed of every environment's random streams.
+    pub seed: u64,
+    /// Policy joints that the pose term regularises.
+    pub pose_joints: Vec<usize>,
+    /// Leg pairs that must not overlap.
+    pub overlap: Overlap,
+    /// Weight of the robot, N.
+    pub weight: f64,
+    /// A world without randomisation.
+    pub nominal: World,
+}
+
+impl Shared {
+    /// Derives everything from robot and configuration.
+    ///
+    /// # Errors
+    /// [`EnvError`] when a configured joint name matches no joint, or the task needs what the robot does not have.
+    pub fn new(robot: Arc<Robot>, config: &EnvConfig, seed: u64) -> Result<Self, EnvError> {
+        if robot.policy.is_empty() {
+            return Err(EnvError::NoPolicyJoints {
+                robot: robot.name.clone(),
+            });
+        }
+        Ok(Self {
+            spec: spec(&robot, config),
+            pose_joints: pose_joints(&robot, &config.reward.pose_joints)?,
+            overlap: Overlap::new(&robot),
+            weight: robot.mass() * GRAVITY,
+            nominal: nominal_world(&robot, config),
+            config: config.clone(),
+            seed,
+            robot,
+        })
+    }
+
+    /// Draws the physical parameters of an episode (thesis 7.4, dynamics randomisation) into `world`.
+    pub fn draw_world(&self, stream: &mut Stream, world: &mut World) {
+        world.clone_from(&self.nominal);
+        let f = &self.config.friction;
+        if f.enabled {
+            world.friction = Friction {
+                tangential: stream.uniform(f.tangential[0], f.tangential[1]),
+                torsional: stream.uniform(f.torsional[0], f.torsional[1]),
+                rolling: stream.uniform(f.rolling[0], f.rolling[1]),
+            };
+        }
+        let r = &self.config.randomise;
+        if r.mass > 0.0 {
+            for link in &mut world.links {
+                let factor = stream.uniform(1.0 - r.mass, 1.0 + r.mass);
+                link.mass *= factor;
+                link.inertia *= factor;
+            }
+        }
+        if r.centre_of_mass > 0.0 {
+            let mut shift = || stream.uniform(-r.centre_of_mass, r.centre_of_mass);
+            world.links[0].com += Vector3::new(shift(), shift(), shift());
+        }
+    }
+
+    /// Draws the latency of an episode, in control steps.
+    pub fn draw_latency(&self, stream: &mut Stream) -> f64 {
+        let l = &self.config.latency;
+        if l.enabled {
+            stream.uniform(l.lower, l.upper) * f64::from(self.config.engine.control_hz)
+        } else {
+            0.0
+        }
+    }
+
+    /// The longest latency there can be, in control steps.
+    pub fn longest_latency(&self) -> f64 {
+        let l = &self.config.latency;
+        if l.enabled {
+            l.upper * f64::from(self.config.engine.control_hz)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The layout of observation and action that robot and configuration give.
+pub fn spec(robot: &Robot, config: &EnvConfig) -> Spec {
+    let mut observation = config.observation.blocks.clone();
+    if config.clock.enabled {
+        observation.push(Block::Clock);
+    }
+    let single = |v: [f64; 3]| v.map(|x| x as f32);
+    Spec {
+        control_hz: config.engine.control_hz as f32,
+        joints: robot.joint_specs(config.action.scale),
+        observation,
+        action: ActionSpec {
+            law: config.action.law,
+            filter: config.action.filter.spec(),
+            torque_clamp: config.action.torque_clamp,
+        },
+        clock: config.clock.enabled.then_some(ClockSpec {
+            period: config.clock.period as f32,
+        }),
+        command: CommandSpec {
+            rate: single(config.command.rate),
+            lower: single(config.command.lower),
+            upper: single(config.command.upper),
+        },
+        legs: robot.legs(),
+        inertial_frame_period: config.observation.inertial_frame_period as f32,
+    }
+}
+
+fn nominal_world(robot: &Robot, config: &EnvConfig) -> World {
+    let middle = |range: [f64; 2]| 0.5 * (range[0] + range[1]);
+    World {
+        friction: Friction {
+            tangential: middle(config.friction.tangential),
+            torsional: middle(config.friction.torsional),
+            rolling: middle(config.friction.rolling),
+        },
+        gravity: Vector3::new(0.0, 0.0, -GRAVITY),
+        links: robot.links.iter().map(|link| link.inertial).collect(),
+        joints: robot.joints.iter().map(|joint| joint.passive).collect(),
+    }
+}
+
+fn pose_joints(robot: &Robot, patterns: &[String]) -> Result<Vec<usize>, EnvError> {
+    let matches = |pattern: &str, name: &str| match pattern.split_once('*') {
+        Some((start, end)) => name.len() >= start.len() + end.len() && name.starts_with(start) && name.ends_with(end),
+        None => pattern == name,
+    };
+    let names: Vec<&str> = (0..robot.policy.len())
+        .map(|i| robot.policy_joint(i).name.as_str())
+        .collect();
+    for pattern in patterns {
+        if !names.iter().any(|name| matches(pattern, name)) {
+            return Err(EnvError::UnknownJoint {
+                key: "reward.pose_joints",
+                name: pattern.clone(),
+                known: names.join(", "),
+            });
+        }
+    }
+    let chosen = |&i: &usize| patterns.iter().any(|pattern| matches(pattern, names[i]));
+    Ok((0..names.len()).filter(chosen).collect())
+}

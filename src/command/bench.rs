@@ -1,0 +1,206 @@
+//! `omniwalk bench`: throughput, measured on this machine.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use miette::{IntoDiagnostic, WrapErr};
+use omniwalk_env::Batch;
+use serde_json::{Value, json};
+
+use super::load;
+use crate::settings::Settings;
+use crate::train::trainer::{Split, Trainer};
+
+/// Measures throughput.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Environments alone: random actions at every control step, episodes start again when they end.
+    Env(Options),
+    /// Training with its split into physics, inference and update.
+    Train(Options),
+    /// One pass of learning against the processor's peak.
+    Ppo(Options),
+}
+
+#[derive(clap::Args, Debug)]
+struct Options {
+    /// Configuration laid over the defaults.
+    config: Option<PathBuf>,
+    /// Physics engine.
+    #[arg(long, value_parser = ["rapier", "lanes"])]
+    engine: Option<String>,
+    /// Threads [default: all cores].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Seconds to measure, in rounds of a second of which the median counts.
+    #[arg(long, value_name = "S", default_value_t = 10)]
+    seconds: u32,
+    /// Samples of a minibatch (ppo).
+    #[arg(long, value_name = "N", default_value_t = 4800)]
+    batch: usize,
+    /// Changes a single value of the configuration.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Also writes the result to FILE.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Whatever is wrong with configuration or robot.
+pub fn run(args: &Args) -> miette::Result<()> {
+    let (What::Env(options) | What::Train(options) | What::Ppo(options)) = &args.what;
+    let threads = options.threads.map_or_else(available, usize::from);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .into_diagnostic()?;
+    let mut changes = options.set.clone();
+    changes.extend(options.engine.as_ref().map(|engine| format!("engine.kind={engine}")));
+    let (settings, _) = load::settings(options.config.as_deref(), &changes)?;
+    let mut result = match args.what {
+        What::Env(_) => env(&settings, options.seconds)?,
+        What::Train(_) => train(&settings, options.seconds)?,
+        What::Ppo(_) => ppo(&settings, options, threads)?,
+    };
+    result["threads"] = json!(threads);
+    if let Some(file) = &options.json {
+        let text = serde_json::to_string_pretty(&result).into_diagnostic()? + "\n";
+        std::fs::write(file, text)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot write {}", file.display()))?;
+    }
+    Ok(())
+}
+
+fn available() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+fn env(settings: &Settings, seconds: u32) -> miette::Result<Value> {
+    let robot = load::robot(&settings.robot.path)?;
+    let mut batch = Batch::new(robot, &settings.env(), settings.train.environments, settings.train.seed)?;
+    let n = batch.environments();
+    let mut actions = vec![0.5_f32; n * batch.shared().spec.action_len()];
+    let mut counter = 0_u32;
+    let mut rates = Vec::new();
+    for round in 0..=seconds {
+        let start = Instant::now();
+        let mut steps = 0;
+        while start.elapsed() < Duration::from_secs(1) {
+            for action in &mut actions {
+                counter = counter.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                *action = (counter >> 8) as f32 / (1 << 24) as f32;
+            }
+            batch.step(&actions);
+            batch.take_episodes();
+            steps += n;
+        }
+        // The first round warms up.
+        if round > 0 {
+            rates.push(steps as f64 / start.elapsed().as_secs_f64());
+        }
+    }
+    let rate = median(&mut rates);
+    println!(
+        "{:.0} policy steps/s ({} environments, {} at {} Hz; rounds {:.0} to {:.0})",
+        rate,
+        n,
+        engine(settings),
+        settings.engine.physics_hz,
+        rates[0],
+        rates[rates.len() - 1],
+    );
+    Ok(json!({
+        "engine": engine(settings),
+        "environments": n,
+        "physics_hz": settings.engine.physics_hz,
+        "policy_steps_per_second": rate,
+    }))
+}
+
+fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {
+    let robot = load::robot(&settings.robot.path)?;
+    let mut trainer = Trainer::new(settings, robot)?;
+    trainer.update();
+    let (mut rates, mut total, mut samples) = (Vec::new(), Split::default(), 0);
+    let start = Instant::now();
+    while rates.len() < 3 || start.elapsed() < Duration::from_secs(seconds.into()) {
+        let clock = Instant::now();
+        let report = trainer.update();
+        rates.push(report.samples as f64 / clock.elapsed().as_secs_f64());
+        samples += report.samples;
+        total.physics += report.split.physics;
+        total.inference += report.split.inference;
+        total.update += report.split.update;
+    }
+    let rate = median(&mut rates);
+    let per_million = |seconds: f64| seconds * 1e6 / samples as f64;
+    let passes = settings.ppo.epochs * if settings.train.mirror { 2 } else { 1 };
+    println!(
+        "{rate:.0} policy steps/s ({}; {} environments, networks {:?}, {passes} sample passes a step)\n\
+         seconds per million steps: physics {:.1}, inference {:.1}, update {:.1}",
+        engine(settings),
+        settings.train.environments,
+        settings.ppo.hidden,
+        per_million(total.physics),
+        per_million(total.inference),
+        per_million(total.update),
+    );
+    Ok(json!({
+        "engine": engine(settings),
+        "environments": settings.train.environments,
+        "physics_hz": settings.engine.physics_hz,
+        "policy_steps_per_second": rate,
+        "passes_per_step": passes,
+        "physics": per_million(total.physics),
+        "inference": per_million(total.inference),
+        "update": per_million(total.update),
+    }))
+}
+
+fn ppo(settings: &Settings, options: &Options, threads: usize) -> miette::Result<Value> {
+    let robot = load::robot(&settings.robot.path)?;
+    let spec = omniwalk_env::task::shared::spec(&robot, &settings.env());
+    let result = omniwalk_ppo::bench(
+        settings.ppo.clone(),
+        spec.observation_len(),
+        spec.action_len(),
+        options.batch,
+        threads,
+    )
+    .map_err(|error| miette::miette!("ppo.{error}"))?;
+    println!(
+        "{:.0} samples/s, {:.1} GFLOP/s of {:.1} GFLOP/s peak: {:.0} % (networks {:?}, minibatch {}, {threads} threads)",
+        result.samples_per_second,
+        result.gflops,
+        result.peak_gflops,
+        100.0 * result.gflops / result.peak_gflops,
+        settings.ppo.hidden,
+        options.batch,
+    );
+    Ok(json!({
+        "samples_per_second": result.samples_per_second,
+        "gflops": result.gflops,
+        "peak_gflops": result.peak_gflops,
+        "batch": options.batch,
+    }))
+}
+
+fn engine(settings: &Settings) -> String {
+    format!("{:?}", settings.engine.kind).to_lowercase()
+}
+
+/// Sorts `values` and returns the one in the middle.
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

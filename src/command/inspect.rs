@@ -1,0 +1,26 @@
+//! `omniwalk inspect`.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use crate::config::Layers;
+use crate::inspect;
+use crate::settings::DEFAULT;
+
+/// Describes what a robot, run folder, policy, checkpoint, log, configuration, metrics or events file holds.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// The file or folder.
+    path: PathBuf,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When the file is of no known kind or damaged.
+pub fn run(args: &Args) -> miette::Result<()> {
+    let text = inspect::describe(&args.path, &Layers::new(DEFAULT)?)?;
+    // Whoever reads may stop reading, as `head` does.
+    let _ = std::io::stdout().write_all(text.as_bytes());
+    Ok(())
+}

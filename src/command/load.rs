@@ -1,0 +1,63 @@
+//! What several commands begin with: settings from layers, the robot of a configuration or of a run.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, WrapErr, miette};
+use omniwalk_env::robot::{self, Robot};
+
+use crate::config::{ConfigError, Layers};
+use crate::settings::{DEFAULT, Settings};
+
+/// Settings from the defaults, a file and single changes, and the whole of them as TOML.
+pub fn settings(file: Option<&Path>, changes: &[String]) -> Result<(Settings, String), ConfigError> {
+    let mut layers = Layers::new(DEFAULT)?;
+    if let Some(file) = file {
+        layers = layers.file(file)?;
+    }
+    for change in changes {
+        layers = layers.set(change)?;
+    }
+    layers.build()
+}
+
+/// The robot at `path`.
+pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
+    Ok(Arc::new(robot::load(path)?))
+}
+
+/// Copies the files of the robot at `path` into `folder`, so that a run stays what it was.
+pub fn copy_robot(path: &Path, folder: &Path) -> miette::Result<()> {
+    fs::create_dir_all(folder)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot create {}", folder.display()))?;
+    for file in robot_files(path)? {
+        let name = file
+            .file_name()
+            .ok_or_else(|| miette!("{} has no file name", file.display()))?;
+        fs::copy(&file, folder.join(name))
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot copy {} to {}", file.display(), folder.display()))?;
+    }
+    Ok(())
+}
+
+fn robot_files(path: &Path) -> miette::Result<Vec<PathBuf>> {
+    if path.is_file() {
+        let toml = path.with_extension("toml");
+        return Ok([path.to_owned(), toml]
+            .into_iter()
+            .filter(|file| file.is_file())
+            .collect());
+    }
+    let entries = fs::read_dir(path)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot read {}", path.display()))?;
+    let mut files: Vec<PathBuf> = entries
+        .filter_map(|entry| entry.ok().map(|entry| entry.path()))
+        .filter(|file| matches!(file.extension().and_then(|e| e.to_str()), Some("urdf" | "toml")))
+        .collect();
+    files.sort();
+    Ok(files)
+}

@@ -1,0 +1,8 @@
+//! The commands, one file each.
+
+pub mod bench;
+pub mod eval;
+pub mod inspect;
+pub mod train;
+
+mod load;

@@ -1,0 +1,193 @@
+//! The whole configuration: one struct a section of the TOML files.
+
+use std::path::PathBuf;
+
+use omniwalk_env::config::{
+    ActionConfig, ClockConfig, CommandConfig, EngineConfig, EnvConfig, FrictionConfig, LatencyConfig, NoiseConfig,
+    ObservationConfig, PushConfig, RandomiseConfig, RewardConfig, TaskConfig,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::config::{Invalid, Validate};
+
+/// The embedded defaults, the one place where they stand.
+pub const DEFAULT: &str = include_str!("../configs/default.toml");
+
+/// Everything a run is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// `[robot]`
+    pub robot: RobotSection,
+    /// `[engine]`
+    pub engine: EngineConfig,
+    /// `[observation]`
+    pub observation: ObservationConfig,
+    /// `[action]`
+    pub action: ActionConfig,
+    /// `[clock]`
+    pub clock: ClockConfig,
+    /// `[command]`
+    pub command: CommandConfig,
+    /// `[task]`
+    pub task: TaskConfig,
+    /// `[reward]`
+    pub reward: RewardConfig,
+    /// `[noise]`
+    pub noise: NoiseConfig,
+    /// `[latency]`
+    pub latency: LatencyConfig,
+    /// `[friction]`
+    pub friction: FrictionConfig,
+    /// `[randomise]`
+    pub randomise: RandomiseConfig,
+    /// `[push]`
+    pub push: PushConfig,
+    /// `[curriculum]`
+    pub curriculum: omniwalk_curriculum::Config,
+    /// `[ppo]`
+    pub ppo: omniwalk_ppo::Config,
+    /// `[train]`
+    pub train: TrainSection,
+    /// `[eval]`
+    pub eval: EvalSection,
+}
+
+/// Section `[robot]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotSection {
+    /// Robot folder, or a URDF.
+    pub path: PathBuf,
+}
+
+/// Section `[train]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainSection {
+    /// Environments that collect samples side by side.
+    pub environments: usize,
+    /// Control steps each environment collects for an update.
+    pub steps_per_update: usize,
+    /// Control steps of all environments together; training ends with the first update that reaches it.
+    pub steps: u64,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Each sample is also learned from as its left-right mirror image.
+    pub mirror: bool,
+    /// Factor on rewards before they reach the learner.
+    pub reward_scale: f64,
+    /// Minutes between checkpoints.
+    pub checkpoint_minutes: f64,
+    /// Checkpoints that are kept.
+    pub keep_checkpoints: usize,
+}
+
+/// Section `[eval]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EvalSection {
+    /// Desired velocities (m/s, m/s, rad/s) that are tried.
+    pub commands: Vec<[f64; 3]>,
+    /// Episodes for each.
+    pub episodes: usize,
+    /// Length of an episode, s.
+    pub seconds: f64,
+}
+
+impl Settings {
+    /// The part the environments need.
+    pub fn env(&self) -> EnvConfig {
+        EnvConfig {
+            engine: self.engine.clone(),
+            observation: self.observation.clone(),
+            action: self.action.clone(),
+            clock: self.clock.clone(),
+            command: self.command.clone(),
+            task: self.task.clone(),
+            reward: self.reward.clone(),
+            noise: self.noise.clone(),
+            latency: self.latency.clone(),
+            friction: self.friction.clone(),
+            randomise: self.randomise.clone(),
+            push: self.push.clone(),
+        }
+    }
+
+    fn invalid_train(&self) -> Vec<(&'static str, String)> {
+        let mut found = Vec::new();
+        let mut require = |holds: bool, key: &'static str, right: &str| {
+            if !holds {
+                found.push((key, right.to_string()));
+            }
+        };
+        let t = &self.train;
+        require(
+            (1..=65_536).contains(&t.environments),
+            "train.environments",
+            "1 to 65536",
+        );
+        require(
+            (1..=100_000).contains(&t.steps_per_update),
+            "train.steps_per_update",
+            "1 to 100000",
+        );
+        require(
+            t.environments.saturating_mul(t.steps_per_update) <= 10_000_000,
+            "train.steps_per_update",
+            "at most ten million samples an update (environments times steps_per_update)",
+        );
+        require(t.steps >= 1, "train.steps", "at least 1");
+        require(
+            t.reward_scale > 0.0 && t.reward_scale.is_finite(),
+            "train.reward_scale",
+            "a positive number",
+        );
+        require(
+            t.checkpoint_minutes > 0.0,
+            "train.checkpoint_minutes",
+            "a positive number",
+        );
+        require(
+            (1..=1000).contains(&t.keep_checkpoints),
+            "train.keep_checkpoints",
+            "1 to 1000",
+        );
+        let e = &self.eval;
+        require(!e.commands.is_empty(), "eval.commands", "at least one command");
+        require(
+            e.commands.iter().flatten().all(|x| x.is_finite()),
+            "eval.commands",
+            "finite numbers",
+        );
+        require((1..=10_000).contains(&e.episodes), "eval.episodes", "1 to 10000");
+        require(
+            e.seconds > 0.0 && e.seconds <= 3600.0,
+            "eval.seconds",
+            "above 0 and at most 3600",
+        );
+        found
+    }
+}
+
+impl Validate for Settings {
+    fn validate(&self) -> Result<(), Vec<Invalid>> {
+        let mut found = self.env().invalid();
+        found.extend(self.curriculum.invalid());
+        found.extend(self.invalid_train());
+        let mut found: Vec<Invalid> = found
+            .into_iter()
+            .map(|(key, message)| Invalid {
+                key: key.into(),
+                message,
+            })
+            .collect();
+        if let Err(error) = self.ppo.validate() {
+            found.push(Invalid {
+                key: format!("ppo.{}", error.key),
+                message: error.message,
+            });
+        }
+        if found.is_empty() { Ok(()) } else { Err(found) }
+    }
+}

@@ -1,0 +1,117 @@
+//! A trainer as a checkpoint, and back to the same bits.
+
+use std::sync::Arc;
+
+use miette::{Diagnostic, miette};
+use omniwalk_env::EnvError;
+use omniwalk_env::robot::Robot;
+use omniwalk_ppo::{Agent, StateError, Tensor, TensorData};
+use thiserror::Error;
+
+use super::trainer::{Progress, TrainError, Trainer};
+use crate::run::checkpoint::{Checkpoint, CheckpointError, Data};
+use crate::settings::Settings;
+
+/// Name of the tensor that holds the environments.
+const ENVIRONMENTS: &str = "environments";
+/// Name of the tensor that holds the trainer's own counters, curriculum and episode window.
+const PROGRESS: &str = "progress";
+/// Prefix of the learner's tensors.
+const AGENT: &str = "agent.";
+
+/// Why a checkpoint does not fit the run.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RestoreError {
+    /// A tensor is missing or of another type.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The networks do not fit the configuration.
+    #[error("the checkpoint's networks do not fit this configuration: {0}")]
+    Agent(#[from] StateError),
+    /// The environments do not fit the configuration.
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    /// Robot and configuration do not fit together.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// The counters cannot be read.
+    #[error("the checkpoint's progress cannot be read: {0}")]
+    Progress(postcard::Error),
+}
+
+/// Everything `trainer` needs to go on.
+pub fn save(trainer: &Trainer) -> miette::Result<Checkpoint> {
+    let progress = trainer.progress();
+    let mut checkpoint = Checkpoint::new(progress.steps);
+    for tensor in trainer.agent().save() {
+        let name = format!("{AGENT}{}", tensor.name);
+        match tensor.data {
+            TensorData::F32(values) => checkpoint.insert(name, &tensor.shape, &values),
+            TensorData::F64(values) => checkpoint.insert(name, &tensor.shape, &values),
+            TensorData::U64(values) => checkpoint.insert(name, &tensor.shape, &values),
+        }
+    }
+    let environments = trainer.batch().save();
+    checkpoint.insert(ENVIRONMENTS, &[environments.len()], &environments);
+    let bytes = postcard::to_stdvec(progress).map_err(|error| miette!("the progress cannot be saved: {error}"))?;
+    checkpoint.insert(PROGRESS, &[bytes.len()], &bytes);
+    checkpoint
+        .metadata
+        .insert("program".into(), concat!("omniwalk ", env!("CARGO_PKG_VERSION")).into());
+    checkpoint.metadata.insert("update".into(), progress.update.into());
+    checkpoint
+        .metadata
+        .insert("wall_seconds".into(), progress.seconds.round().into());
+    Ok(checkpoint)
+}
+
+/// The learner of a checkpoint.
+///
+/// # Errors
+/// [`RestoreError`] when its tensors do not fit `settings` and the lengths of observation and action.
+pub fn agent(
+    checkpoint: &Checkpoint,
+    settings: &Settings,
+    observation_len: usize,
+    action_len: usize,
+) -> Result<Agent, RestoreError> {
+    let tensors: Vec<Tensor> = checkpoint
+        .tensors
+        .iter()
+        .filter_map(|(name, tensor)| {
+            let data = match &tensor.data {
+                Data::F32(values) => TensorData::F32(values.clone()),
+                Data::F64(values) => TensorData::F64(values.clone()),
+                Data::U64(values) => TensorData::U64(values.clone()),
+                Data::U8(_) => return None,
+            };
+            let name = name.strip_prefix(AGENT)?.to_owned();
+            Some(Tensor {
+                name,
+                shape: tensor.shape.clone(),
+                data,
+            })
+        })
+        .collect();
+    Ok(Agent::load(
+        settings.ppo.clone(),
+        observation_len,
+        action_len,
+        &tensors,
+    )?)
+}
+
+/// A trainer that goes on where `checkpoint` was written.
+///
+/// # Errors
+/// [`RestoreError`] when the checkpoint does not fit settings and robot.
+pub fn restore(checkpoint: &Checkpoint, settings: &Settings, robot: Arc<Robot>) -> Result<Trainer, RestoreError> {
+    let mut trainer = Trainer::new(settings, robot)?;
+    let (observations, actions) = (trainer.spec().observation_len(), trainer.spec().action_len());
+    let agent = agent(checkpoint, settings, observations, actions)?;
+    let progress: Progress =
+        postcard::from_bytes(checkpoint.get_any::<u8>(PROGRESS)?).map_err(RestoreError::Progress)?;
+    trainer.restore(agent, checkpoint.get_any::<u8>(ENVIRONMENTS)?, progress)?;
+    Ok(trainer)
+}

@@ -1,0 +1,7 @@
+//! Training: one run in memory, what is measured of it, and how it becomes a checkpoint.
+
+pub mod checkpoint;
+pub mod metrics;
+pub mod progress;
+pub mod trainer;
+pub mod window;

@@ -1,0 +1,121 @@
+//! What a person sees while training runs.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use super::metrics::Figure;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Map, Value, json};
+
+/// How training reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// A line for people; a progress bar on a terminal.
+    Text,
+    /// A JSON object an update.
+    Json,
+}
+
+/// Seconds between lines when the output is no terminal.
+const INTERVAL: Duration = Duration::from_secs(20);
+
+/// The progress of one run.
+pub struct Display {
+    bar: Option<ProgressBar>,
+    format: LogFormat,
+    quiet: bool,
+    last: Option<Instant>,
+    total: u64,
+}
+
+impl Display {
+    /// A display for a run of `total` steps.
+    pub fn new(total: u64, format: LogFormat, quiet: bool) -> Self {
+        let terminal = std::io::stderr().is_terminal() && format == LogFormat::Text && !quiet;
+        let bar = terminal.then(|| {
+            let bar = ProgressBar::new(total);
+            if let Ok(style) = ProgressStyle::with_template("{bar:24} {percent:>3} % {msg}") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        Self {
+            bar,
+            format,
+            quiet,
+            last: None,
+            total,
+        }
+    }
+
+    /// Shows the figures of the update that ended at `steps`; this process began at `started` with `first_step`.
+    pub fn update(&mut self, steps: u64, figures: &[Figure], started: &Instant, first_step: u64) {
+        let figure = |name: &str| match name {
+            "steps" => steps as f64,
+            name => figures
+                .iter()
+                .find(|(key, _)| *key == name)
+                .map_or(f64::NAN, |(_, value)| *value),
+        };
+        if let Some(bar) = &self.bar {
+            bar.set_position(steps);
+            bar.set_message(line(&figure, self.left(steps, started, first_step)));
+        } else if self.format == LogFormat::Json && !self.quiet {
+            let values = figures.iter().map(|(key, value)| ((*key).to_owned(), json!(value)));
+            let object: Map<String, Value> = [("steps".to_owned(), json!(steps))].into_iter().chain(values).collect();
+            println!("{}", Value::Object(object));
+        } else if !self.quiet && self.last.is_none_or(|last| last.elapsed() >= INTERVAL) {
+            self.last = Some(Instant::now());
+            println!("{}", line(&figure, self.left(steps, started, first_step)));
+        }
+    }
+
+    /// Ends the bar, so that later lines stand below it.
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.abandon();
+        }
+    }
+
+    fn left(&self, steps: u64, started: &Instant, first_step: u64) -> Duration {
+        let done = steps.saturating_sub(first_step).max(1) as f64;
+        let rest = self.total.saturating_sub(steps) as f64;
+        Duration::from_secs_f64(started.elapsed().as_secs_f64() * rest / done)
+    }
+}
+
+fn line(figure: &impl Fn(&str) -> f64, left: Duration) -> String {
+    let split = ["time/physics", "time/inference", "time/update"].map(figure);
+    let total: f64 = split.iter().sum();
+    let share = split.map(|x| (100.0 * x / total).round());
+    let terms = ["velocity", "pose", "alive", "foot"].map(|name| figure(&format!("reward/{name}")));
+    format!(
+        "{:.2} M steps, {:.0}/s (physics {:.0} %, inference {:.0} %, update {:.0} %) | reward/s v {:.1} pose {:.1} alive \
+         {:.1} foot {:.1} | episode {:.0}, falls {:.0} % | error {:.2} m/s | gait {:.1}/s, alternating {:.0} %, air {:.2} s | \
+         level {:.2} C_v {:.2} C_foot {:.2} | {} left",
+        figure("steps") * 1e-6,
+        figure("steps_per_second"),
+        share[0],
+        share[1],
+        share[2],
+        terms[0],
+        terms[1],
+        terms[2],
+        terms[3],
+        figure("episode/steps"),
+        100.0 * (figure("episode/fallen") + figure("episode/leg_overlap")),
+        figure("tracking/error_xy_mps"),
+        figure("gait/touchdowns_per_second"),
+        100.0 * figure("gait/alternation"),
+        figure("gait/air_time_s"),
+        figure("curriculum/level"),
+        figure("curriculum/velocity_factor"),
+        figure("curriculum/foot_factor"),
+        minutes(left),
+    )
+}
+
+fn minutes(time: Duration) -> String {
+    let seconds = time.as_secs();
+    format!("{}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
+}

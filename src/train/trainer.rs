@@ -1,0 +1,309 @@
+//! One training run: environments, learner and curriculum, an update at a time.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use omniwalk_controller::Spec;
+use omniwalk_curriculum::{Curriculum, Performance};
+use omniwalk_env::robot::Robot;
+use omniwalk_env::task::command::CommandRange;
+use omniwalk_env::task::environment::End;
+use omniwalk_env::task::reward::{Factors, Terms};
+use omniwalk_env::{Batch, EnvError};
+use omniwalk_ppo::{self as ppo, Agent, Mirror, Rollout, UpdateStats};
+use serde::{Deserialize, Serialize};
+
+use super::window::Window;
+use crate::settings::Settings;
+
+/// Keeps the keys of updates apart from those of actions.
+const UPDATE_STREAM: u64 = 1 << 63;
+
+/// A run in memory.
+pub struct Trainer {
+    settings: Settings,
+    batch: Batch,
+    agent: Agent,
+    rollout: Rollout,
+    mirror: Option<Mirror>,
+    progress: Progress,
+    keys: Vec<u64>,
+    actions: Vec<f32>,
+}
+
+/// What a checkpoint keeps beside networks and environments.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Progress {
+    /// Updates done.
+    pub update: u64,
+    /// Control steps done, all environments together.
+    pub steps: u64,
+    /// The curriculum.
+    pub curriculum: Curriculum,
+    /// The latest finished episodes.
+    pub window: Window,
+    /// Wall time spent, s.
+    pub seconds: f64,
+}
+
+/// Robot and configuration do not fit together.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum TrainError {
+    /// The environments cannot be made.
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    /// The networks cannot be made.
+    #[error("ppo.{0}")]
+    Ppo(#[from] ppo::InvalidConfig),
+}
+
+/// Seconds an update spent where.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Split {
+    /// Stepping the environments: physics, sensors, reward.
+    pub physics: f64,
+    /// Networks while collecting.
+    pub inference: f64,
+    /// Learning.
+    pub update: f64,
+}
+
+/// What one update did.
+pub struct Report {
+    /// Where the time went.
+    pub split: Split,
+    /// The learner's own figures.
+    pub learning: UpdateStats,
+    /// Mean reward per second by term, before the reward scale.
+    pub terms: Terms,
+    /// What the curriculum saw.
+    pub performance: Performance,
+    /// Worlds that went non-finite.
+    pub lost: u64,
+    /// Control steps it collected.
+    pub samples: usize,
+}
+
+impl Trainer {
+    /// A run at its beginning.
+    ///
+    /// # Errors
+    /// [`TrainError`] when robot and configuration do not fit together.
+    pub fn new(settings: &Settings, robot: Arc<Robot>) -> Result<Self, TrainError> {
+        let train = &settings.train;
+        let batch = Batch::new(robot, &settings.env(), train.environments, train.seed)?;
+        let spec = &batch.shared().spec;
+        let (observation_len, action_len) = (spec.observation_len(), spec.action_len());
+        let agent = Agent::new(settings.ppo.clone(), observation_len, action_len, train.seed)?;
+        let mirror = if train.mirror { Some(mirror(&batch)?) } else { None };
+        let mut trainer = Self {
+            settings: settings.clone(),
+            rollout: Rollout::new(train.steps_per_update, train.environments, observation_len, action_len),
+            mirror,
+            progress: Progress {
+                update: 0,
+                steps: 0,
+                curriculum: Curriculum::new(&settings.curriculum),
+                window: Window::default(),
+                seconds: 0.0,
+            },
+            keys: vec![0; train.environments],
+            actions: vec![0.0; train.environments * action_len],
+            batch,
+            agent,
+        };
+        trainer.apply_curriculum();
+        trainer.batch.reset();
+        Ok(trainer)
+    }
+
+    /// Goes on from a checkpoint.
+    ///
+    /// # Errors
+    /// [`EnvError::State`] when the environments' state does not fit this configuration.
+    pub fn restore(&mut self, agent: Agent, environments: &[u8], progress: Progress) -> Result<(), EnvError> {
+        self.batch.load(environments)?;
+        self.agent = agent;
+        self.progress = progress;
+        Ok(())
+    }
+
+    /// Networks, optimiser and normaliser.
+    pub fn agent(&self) -> &Agent {
+        &self.agent
+    }
+
+    /// The environments.
+    pub fn batch(&self) -> &Batch {
+        &self.batch
+    }
+
+    /// How far the run is.
+    pub fn progress(&self) -> &Progress {
+        &self.progress
+    }
+
+    /// The layout of observation and action.
+    pub fn spec(&self) -> &Spec {
+        &self.batch.shared().spec
+    }
+
+    /// Collects samples, learns from them, advances the curriculum.
+    pub fn update(&mut self) -> Report {
+        let start = Instant::now();
+        let mut split = Split::default();
+        let (terms, lost, falls) = self.collect(&mut split);
+        let learn = Instant::now();
+        let key = mix(self.settings.train.seed ^ UPDATE_STREAM, self.progress.update);
+        let learning = self.agent.update(&self.rollout, self.mirror.as_ref(), key);
+        split.update = learn.elapsed().as_secs_f64();
+        let performance = self.performance(&terms, falls);
+        self.progress
+            .curriculum
+            .advance(&self.settings.curriculum, &performance);
+        self.apply_curriculum();
+        self.progress.update += 1;
+        self.progress.steps += self.rollout.samples() as u64;
+        self.progress.seconds += start.elapsed().as_secs_f64();
+        Report {
+            split,
+            learning,
+            terms: self.per_second(&terms),
+            performance,
+            lost,
+            samples: self.rollout.samples(),
+        }
+    }
+
+    /// Fills the rollout. Returns the sum of the reward terms, the worlds lost and the falls.
+    fn collect(&mut self, split: &mut Split) -> (Terms, u64, u64) {
+        let n = self.batch.environments();
+        let mut sum = Terms::default();
+        let (mut lost, mut falls) = (0, 0);
+        for step in 0..self.rollout.steps {
+            let clock = Instant::now();
+            let row = step * n..(step + 1) * n;
+            self.act(step);
+            let rollout = &mut self.rollout;
+            let observation_len = rollout.observations.len() / rollout.samples();
+            rollout.observations[row.start * observation_len..row.end * observation_len]
+                .copy_from_slice(self.batch.observations());
+            let action_len = rollout.actions.len() / rollout.samples();
+            rollout.actions[row.start * action_len..row.end * action_len].copy_from_slice(&self.actions);
+            split.inference += clock.elapsed().as_secs_f64();
+            let clock = Instant::now();
+            self.batch.step(&self.actions);
+            split.physics += clock.elapsed().as_secs_f64();
+            let scale = self.settings.train.reward_scale;
+            for (k, (terms, end)) in row.clone().zip(self.batch.terms().iter().zip(self.batch.ends())) {
+                self.rollout.rewards[k] = (scale * terms.total()) as f32;
+                self.rollout.ends[k] = learner_end(*end);
+                sum.add(terms);
+                lost += u64::from(*end == Some(End::Lost));
+                falls += u64::from(matches!(end, Some(End::Fallen | End::Overlap)));
+            }
+            self.bootstrap(step);
+            self.progress.window.extend(self.batch.take_episodes());
+        }
+        let clock = Instant::now();
+        self.agent
+            .values(self.batch.observations(), &mut self.rollout.last_values);
+        split.inference += clock.elapsed().as_secs_f64();
+        (sum, lost, falls)
+    }
+
+    /// Draws the actions of a step and notes the values of its observations.
+    fn act(&mut self, step: usize) {
+        let n = self.batch.environments();
+        let first = self.progress.steps + (step * n) as u64;
+        for (e, key) in self.keys.iter_mut().enumerate() {
+            *key = mix(self.settings.train.seed, first + e as u64);
+        }
+        let values = &mut self.rollout.values[step * n..(step + 1) * n];
+        self.agent
+            .act(self.batch.observations(), &self.keys, &mut self.actions, values);
+    }
+
+    /// Values at time-outs, which are not falls: the return goes on behind them.
+    fn bootstrap(&mut self, step: usize) {
+        let n = self.batch.environments();
+        let len = self.rollout.observations.len() / self.rollout.samples();
+        for e in 0..n {
+            let k = step * n + e;
+            if self.rollout.ends[k] == ppo::End::TimeOut {
+                let last = &self.batch.final_observations()[e * len..(e + 1) * len];
+                self.agent.values(last, &mut self.rollout.bootstrap_values[k..=k]);
+            }
+        }
+    }
+
+    /// Bounds of the region desired velocities are drawn from.
+    pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        let command = &self.settings.command;
+        self.progress
+            .curriculum
+            .bounds(&self.settings.curriculum, command.lower, command.upper)
+    }
+
+    fn apply_curriculum(&mut self) {
+        let (lower, upper) = self.bounds();
+        let (curriculum, command) = (&self.progress.curriculum, &self.settings.command);
+        self.batch.set_factors(Factors {
+            velocity: curriculum.velocity_factor(),
+            foot: curriculum.foot_factor(),
+        });
+        self.batch.set_range(CommandRange {
+            lower,
+            upper,
+            zero_share: command.zero_share,
+            axis_share: command.axis_share,
+        });
+    }
+
+    /// The mean kernels of the update, and falls per full length of an episode.
+    fn performance(&self, terms: &Terms, falls: u64) -> Performance {
+        let reward = &self.settings.reward;
+        let seconds = self.rollout.samples() as f64 / f64::from(self.settings.engine.control_hz);
+        let kernel = |sum: f64, weight: f64| if weight > 0.0 { sum / (weight * seconds) } else { 1.0 };
+        let curriculum = &self.progress.curriculum;
+        Performance {
+            velocity: kernel(terms.velocity, reward.velocity_weight * curriculum.velocity_factor()),
+            foot: kernel(terms.foot, reward.foot_weight * curriculum.foot_factor()),
+            falls: Some((falls as f64 * self.settings.task.episode_seconds / seconds).min(1.0)),
+        }
+    }
+
+    fn per_second(&self, sum: &Terms) -> Terms {
+        let seconds = self.rollout.samples() as f64 / f64::from(self.settings.engine.control_hz);
+        sum.scaled(1.0 / seconds)
+    }
+}
+
+/// A world that went non-finite is cut off like a time-out: its last observation is the one before.
+fn learner_end(end: Option<End>) -> ppo::End {
+    match end {
+        None => ppo::End::None,
+        Some(End::Fallen | End::Overlap) => ppo::End::Terminated,
+        Some(End::TimeOut | End::Lost) => ppo::End::TimeOut,
+    }
+}
+
+fn mirror(batch: &Batch) -> Result<Mirror, EnvError> {
+    let shared = batch.shared();
+    let map = shared.robot.mirror.as_ref().ok_or_else(|| EnvError::NoMirror {
+        robot: shared.robot.name.clone(),
+    })?;
+    let joints: Vec<(usize, f32)> = map.iter().map(|joint| (joint.joint, joint.sign as f32)).collect();
+    Ok(Mirror {
+        observation: shared.spec.mirror_observation(&joints),
+        action: joints.iter().map(|&(joint, sign)| (joint as u32, sign)).collect(),
+    })
+}
+
+/// A random key from a seed and a counter (splitmix64's finaliser).
+fn mix(seed: u64, counter: u64) -> u64 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ counter.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
