@@ -4,4 +4,5 @@ mod batch;
 mod contacts;
 mod drives;
 mod joints;
+mod nimbro;
 mod robots;

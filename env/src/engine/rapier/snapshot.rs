@@ -51,7 +51,9 @@ pub(super) fn load(lane: &mut Lane, scene: &Scene, bytes: &[u8]) -> Result<(), S
     let same_shape = episode.memory.len() == scene.freedoms.len()
         && episode.joints.len() == scene.freedoms.len()
         && episode.forces.len() == scene.touchers.len()
-        && state.bodies.len() == scene.bodies.len();
+        && state.bodies.len() == scene.bodies.len()
+        && state.colliders.len() == scene.template.colliders.len()
+        && velocities(&state, scene) == velocities(&scene.template, scene);
     if episode.robot != scene.name || !same_shape {
         return Err(format!(
             "a world of robot {:?}, but this engine simulates {:?}",
@@ -68,6 +70,11 @@ pub(super) fn load(lane: &mut Lane, scene: &Scene, bytes: &[u8]) -> Result<(), S
     lane.alive = episode.alive;
     lane.restore(state);
     Ok(())
+}
+
+fn velocities(state: &State, scene: &Scene) -> Option<usize> {
+    let multibody = state.multibodies.get_multibody(scene.multibody)?;
+    Some(multibody.ndofs())
 }
 
 fn body(bytes: &[u8]) -> Option<&[u8]> {
