@@ -14,6 +14,7 @@ Only the left half is written down; the right half is its mirror image, number b
 
 import argparse
 import math
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -198,6 +199,36 @@ def urdf(name, scale, total):
     return "\n".join([*lines, "</robot>", ""])
 
 
+def settings(text, scale, mass_scale):
+    """robot.toml of a robot scaled in length and mass so that it moves alike, only quicker by the root of the scale.
+
+    Torques and kp go with mass times length, kd with that times time, armature with mass times length squared.
+    """
+    time = math.sqrt(scale)
+    factors = {
+        "kp": mass_scale * scale,
+        "kd": mass_scale * scale * time,
+        "torque_limit": mass_scale * scale,
+        "speed_limit": 1 / time,
+        "armature": mass_scale * scale**2,
+        "sole": scale,
+        "size": scale,
+    }
+    lines = ["# Written by python/make_nimbro_op2x.py from the full-size robot's file; the script says how it scales."]
+    started = False
+    for line in text.splitlines():
+        started = started or not line.startswith("#") and bool(line)
+        key, equals, value = line.partition(" = ")
+        if equals and key in factors:
+            value = value.partition(" #")[0]
+            line = key + equals + re.sub(r"-?[0-9.]+", lambda match: f"{float(match[0]) * factors[key]:.6g}", value)
+        elif key == "match":
+            line = line.partition(" #")[0]
+        if started:
+            lines.append(line)
+    return "\n".join([*lines, ""])
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
@@ -205,3 +236,7 @@ if __name__ == "__main__":
     parser.add_argument("--mass", type=float, default=TOTAL_MASS, help="total mass, kg")
     arguments = parser.parse_args()
     arguments.out.write_text(urdf(arguments.out.stem, arguments.scale, arguments.mass))
+    if arguments.scale != 1.0 or arguments.mass != TOTAL_MASS:
+        full_size = Path(__file__).parents[1] / "robots" / "nimbro_op2x" / "robot.toml"
+        scaled = settings(full_size.read_text(), arguments.scale, arguments.mass / TOTAL_MASS)
+        arguments.out.with_name("robot.toml").write_text(scaled)

@@ -5,6 +5,7 @@
 //! everything a URDF cannot say. Units are SI and radians throughout; frames are the URDF's own.
 
 mod controller;
+mod describe;
 mod feet;
 mod joints;
 mod kinematics;
@@ -17,6 +18,7 @@ mod tree;
 mod urdf;
 mod urdf_text;
 
+pub use describe::describe;
 pub use kinematics::Kinematics;
 pub use load::load;
 pub use source::{ContentError, RobotError};

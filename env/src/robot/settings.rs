@@ -44,6 +44,9 @@ use toml::Spanned;
 use super::Base;
 use super::source::{RobotError, Source};
 
+/// Largest magnitude of any value, SI units: beyond it lie mistakes and overflow.
+const MAX_VALUE: f64 = 1e9;
+
 /// A robot's TOML as written.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -244,7 +247,10 @@ impl JointEntry {
 }
 
 fn check(source: &Source, at: Range<usize>, values: &[f64], lowest: f64, help: &str) -> Result<(), RobotError> {
-    match values.iter().find(|value| !value.is_finite() || **value < lowest) {
+    match values
+        .iter()
+        .find(|value| !value.is_finite() || value.abs() > MAX_VALUE || **value < lowest)
+    {
         Some(value) => Err(source.error(at, format!("impossible value {value}"), help)),
         None => Ok(()),
     }

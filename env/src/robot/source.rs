@@ -86,9 +86,8 @@ impl Source {
 
     /// An error at `range` (bytes) of the text.
     pub fn error(&self, range: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> RobotError {
-        let start = (0..=range.start.min(self.text.len()))
-            .rfind(|&i| self.text.is_char_boundary(i))
-            .unwrap_or(0);
+        let start = self.text.floor_char_boundary(range.start);
+        let end = self.text.floor_char_boundary(range.end);
         let before = &self.text[..start];
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
         // A whole element can span pages: the label marks its first line only.
@@ -100,7 +99,7 @@ impl Source {
             message: message.into(),
             help: help.into(),
             text: NamedSource::new(&self.file, self.text.clone()),
-            span: (start..range.end.clamp(start, line_end)).into(),
+            span: (start..end.clamp(start, line_end)).into(),
         }))
     }
 }

@@ -21,6 +21,7 @@ pub(super) struct Urdf {
     pub root: usize,
     /// Indices of the parent and the child link of each joint.
     pub ends: Vec<(usize, usize)>,
+    index: HashMap<String, usize>,
     link_at: Vec<Range<usize>>,
     joint_at: Vec<Range<usize>>,
 }
@@ -41,6 +42,12 @@ impl Urdf {
         let ends = ends(&source, &links, &joints)?;
         let root = root(&source, &links, &joints, &ends)?;
         let limits = joints.iter().map(limits).collect();
+        let index = robot
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(i, joint)| (joint.name.clone(), i))
+            .collect();
         let ranges = |nodes: &[Element]| nodes.iter().map(Element::range).collect();
         let (link_at, joint_at) = (ranges(&links), ranges(&joints));
         drop((links, joints));
@@ -51,6 +58,7 @@ impl Urdf {
             limits,
             root,
             ends,
+            index,
             link_at,
             joint_at,
         };
@@ -60,7 +68,7 @@ impl Urdf {
 
     /// Index of a joint by name.
     pub fn joint(&self, name: &str) -> Option<usize> {
-        self.robot.joints.iter().position(|joint| joint.name == name)
+        self.index.get(name).copied()
     }
 
     /// An error at a joint.

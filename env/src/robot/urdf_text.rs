@@ -11,6 +11,9 @@ const MAX_LINKS: usize = 1000;
 /// Deepest nesting of XML elements. A URDF needs five levels, embedded simulator blocks a few more.
 const MAX_DEPTH: usize = 64;
 
+/// Largest magnitude of a number other than a limit, SI units: beyond it lie mistakes and overflow.
+const MAX_NUMBER: f64 = 1e9;
+
 /// Attributes that hold finite numbers: element, attribute, how many.
 const NUMBERS: [(&str, &str, usize); 25] = [
     ("origin", "xyz", 3),
@@ -179,11 +182,13 @@ fn check_element(source: &Source, node: Node) -> Result<(), RobotError> {
             .split_whitespace()
             .map(|word| word.parse().ok())
             .collect();
+        let largest = if tag == "limit" { f64::MAX } else { MAX_NUMBER };
         let what = match numbers {
-            Some(numbers) if numbers.len() == *count && numbers.iter().all(|number| number.is_finite()) => continue,
-            Some(numbers) if numbers.len() == *count => "is not finite",
-            Some(_) => "has the wrong number of values",
             None => "is not a number",
+            Some(numbers) if numbers.len() != *count => "has the wrong number of values",
+            Some(numbers) if !numbers.iter().all(|number| number.is_finite()) => "is not finite",
+            Some(numbers) if numbers.iter().any(|number| number.abs() > largest) => "is too large",
+            Some(_) => continue,
         };
         let message = format!("`{name}` of <{tag}> {what}: \"{}\"", attribute.value());
         return Err(source.error(attribute.range(), message, format!("give {count} finite number(s)")));
