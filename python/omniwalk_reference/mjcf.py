@@ -16,6 +16,8 @@ What the model is made of, and why:
 - Contacts, joint limits and couplings are as stiff as the time step allows: MuJoCo takes no time constant below
   two steps.
 - Robot geoms collide with the floor only, as in the project's engines.
+- The constraint Jacobian is dense: the Newton solver of MuJoCo 4.0.0 factors the Hessian of a sparse one wrongly
+  (repaired in 4.0.1).
 """
 
 from __future__ import annotations

@@ -80,7 +80,8 @@ class Robot:
         return self.tree.positions(own)
 
     def base_pose(self) -> Pose:
-        """Where the base stands in the nominal pose: upright, the lowest contact point on the plane z = 0."""
+        """Where the base stands in the nominal pose: upright, the lowest contact point on the plane z = 0. Without
+        contact points its frame is on the plane."""
         if not self.floating:
             return self.fixed_pose
         poses = self.tree.poses(Pose(), self.nominal())
