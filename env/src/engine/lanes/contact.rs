@@ -73,16 +73,16 @@ pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<
             &mut target.columns,
         );
         target.response = gram(&target.columns);
-        let scales = scales(&group.parameters.friction);
+        let cone = Cone::new(&group.parameters.friction, model.dt);
         let mut wrench = Force::zero();
         for (point, impulse) in target.points.iter_mut().zip(impulses) {
-            point_response(&target.response, point, &scales, model.dt);
+            point_response(&target.response, point, &cone, model.dt);
             let [o, reach] = [L::zero(), point.normal_max];
             impulse.normal = o.select_lt(reach, impulse.normal, o);
             for f in &mut impulse.friction {
                 *f = o.select_lt(reach, *f, o);
             }
-            wrench = wrench.plus(point_wrench(point, impulse, &scales));
+            wrench = wrench.plus(point_wrench(point, impulse, &cone));
         }
         add_wrench(body, target, wrench.array(), &mut work.change);
     }
@@ -139,11 +139,26 @@ fn gram<L: Lane>(columns: &[[L; 6]]) -> [[L; 6]; 6] {
     sum
 }
 
-/// Coefficients of the five frictional components.
-#[inline(always)]
-fn scales<L: Lane>(friction: &[L; 3]) -> [L; 5] {
-    let [tangential, torsional, rolling] = *friction;
-    [tangential, tangential, rolling, rolling, torsional]
+/// The cone's axes, for the five frictional components.
+struct Cone<L> {
+    /// Coefficients.
+    scale: [L; 5],
+    /// Slip speed per unit of impulse in coordinates divided by the coefficients.
+    creep: [L; 5],
+}
+
+impl<L: Lane> Cone<L> {
+    #[inline(always)]
+    fn new(friction: &[L; 3], dt: f64) -> Self {
+        let [tangential, torsional, rolling] = *friction;
+        let scale = [tangential, tangential, rolling, rolling, torsional];
+        let slip = L::of(1.0 / (dt * SLIP_DAMPING));
+        let turn = L::of(1.0 / (dt * TURN_DAMPING));
+        Self {
+            scale,
+            creep: scaled(&scaled(&scale, &scale), &[slip, slip, turn, turn, turn]),
+        }
+    }
 }
 
 /// Twist at the point from the twist at the reference point: linear, then angular.
@@ -160,7 +175,7 @@ fn at_point<L: Lane>(twist: &[L; 6], arm: Vec3<L>) -> [L; 6] {
 
 /// The point's inverse inertias: its normal row, the inverse of its frictional block, the step when it slips.
 #[inline(always)]
-fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, scales: &[L; 5], dt: f64) {
+fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, cone: &Cone<L>, dt: f64) {
     // Rows of the response to a wrench at the reference point, of the twist at the contact point.
     let mut rows = [[L::zero(); 6]; 6];
     for c in 0..6 {
@@ -173,19 +188,19 @@ fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, sca
             rows[r][c] = shifted[r];
         }
     }
-    point.normal_response = rows[2];
     // A force at the contact point acts at the reference point with moment arm x force: the columns shift like the rows.
-    let own = at_point(&rows[2], point.arm)[2];
-    point.normal_step = (own + L::of(softness(dt))).recip();
+    let shifted = at_point(&rows[2], point.arm);
+    point.normal_step = (shifted[2] + L::of(softness(dt))).recip();
+    point.coupling = scaled(&frictional(&shifted), &cone.scale);
 
     let mut block = [[L::zero(); 5]; 5];
     let mut trace = L::zero();
     for r in 0..5 {
-        let shifted = at_point(&rows[FRICTIONAL[r]], point.arm);
+        let shifted = frictional(&at_point(&rows[FRICTIONAL[r]], point.arm));
         for c in 0..5 {
-            block[r][c] = shifted[FRICTIONAL[c]] * (scales[r] * scales[c]);
+            block[r][c] = shifted[c] * (cone.scale[r] * cone.scale[c]);
         }
-        block[r][r] += (scales[r] * scales[r]).mul_add(L::of(creep(r, dt)), L::of(1e-9));
+        block[r][r] += cone.creep[r] + L::of(1e-9);
         trace += block[r][r];
     }
     point.slip_step = trace.recip();
@@ -195,16 +210,16 @@ fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, sca
 /// The twist's components that friction opposes: along x and y, about x, y and z.
 const FRICTIONAL: [usize; 5] = [0, 1, 3, 4, 5];
 
+#[inline(always)]
+fn frictional<L: Lane>(twist: &[L; 6]) -> [L; 5] {
+    let [x, y, _, a, b, c] = *twist;
+    [x, y, a, b, c]
+}
+
 /// Approach speed of the normal row per unit of impulse.
 #[inline(always)]
 fn softness(dt: f64) -> f64 {
     1.0 / (dt * (dt * STIFFNESS + DAMPING))
-}
-
-/// Slip speed of frictional component `r` per unit of impulse.
-#[inline(always)]
-fn creep(r: usize, dt: f64) -> f64 {
-    1.0 / (dt * if r < 2 { SLIP_DAMPING } else { TURN_DAMPING })
 }
 
 /// `x - a . b`
@@ -255,8 +270,8 @@ fn inverse<L: Lane, const N: usize>(m: &[[L; N]; N]) -> [[L; N]; N] {
 
 /// The wrench of a point's impulse about the body's reference point.
 #[inline(always)]
-fn point_wrench<L: Lane>(point: &PointWork<L>, impulse: &ContactImpulse<L>, scales: &[L; 5]) -> Force<L> {
-    let [x, y, a, b, c] = scaled(&impulse.friction, scales);
+fn point_wrench<L: Lane>(point: &PointWork<L>, impulse: &ContactImpulse<L>, cone: &Cone<L>) -> Force<L> {
+    let [x, y, a, b, c] = scaled(&impulse.friction, &cone.scale);
     let force = Vec3::new(x, y, impulse.normal);
     Force {
         force,
@@ -286,7 +301,7 @@ fn dot6<L: Lane>(a: &[L; 6], b: &[L; 6]) -> L {
 /// Visits every body that may touch: its points see the body's twist, the rest of the robot the body's total wrench.
 #[inline(always)]
 pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
-    let scales = scales(&group.parameters.friction);
+    let cone = Cone::new(&group.parameters.friction, model.dt);
     for (body, target) in model.bodies.iter().zip(&work.bodies) {
         if !target.active {
             continue;
@@ -301,105 +316,71 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
         let impulses = &mut group.state.contacts[body.first_point..][..body.points.len()];
         let mut wrench = Force::zero();
         for (point, impulse) in target.points.iter().zip(impulses) {
-            push(point, impulse, &mut twist, &mut wrench, model.dt);
-            rub(
-                &target.response,
-                point,
-                impulse,
-                &scales,
-                &mut twist,
-                &mut wrench,
-                model.dt,
-            );
+            let velocity = at_point(&twist, point.arm);
+            let normal = push(point, impulse, velocity[2], model.dt);
+            let friction = rub(point, impulse, &velocity, normal, &cone);
+            let change = point_wrench(point, &ContactImpulse { normal, friction }, &cone);
+            wrench = wrench.plus(change);
+            let change = change.array();
+            for (v, response) in twist.iter_mut().zip(&target.response) {
+                *v += dot6(response, &change);
+            }
         }
         add_wrench(body, target, wrench.array(), &mut work.change);
     }
 }
 
-/// Projects the normal impulse.
+/// Projects the normal impulse; returns its change.
 #[inline(always)]
-fn push<L: Lane>(
-    point: &PointWork<L>,
-    impulse: &mut ContactImpulse<L>,
-    twist: &mut [L; 6],
-    wrench: &mut Force<L>,
-    dt: f64,
-) {
-    let approach = at_point(twist, point.arm)[2] + L::of(softness(dt)).mul_add(impulse.normal, point.bias);
-    let next = point
+fn push<L: Lane>(point: &PointWork<L>, impulse: &mut ContactImpulse<L>, velocity: L, dt: f64) -> L {
+    let old = impulse.normal;
+    let approach = velocity + L::of(softness(dt)).mul_add(old, point.bias);
+    impulse.normal = point
         .normal_step
-        .neg_mul_add(approach, impulse.normal)
+        .neg_mul_add(approach, old)
         .clamp(L::zero(), point.normal_max);
-    let change = next - impulse.normal;
-    impulse.normal = next;
-    for (v, response) in twist.iter_mut().zip(&point.normal_response) {
-        *v = response.mul_add(change, *v);
-    }
-    let force = Vec3::new(L::zero(), L::zero(), change);
-    *wrench = wrench.plus(Force {
-        force,
-        moment: point.arm.cross(force),
-    });
+    impulse.normal - old
 }
 
-/// Projects the frictional impulses onto the cone.
+/// Projects the frictional impulses onto the cone, `normal` after the normal one has changed; returns their change.
 #[inline(always)]
 fn rub<L: Lane>(
-    response: &[[L; 6]; 6],
     point: &PointWork<L>,
     impulse: &mut ContactImpulse<L>,
-    scales: &[L; 5],
-    twist: &mut [L; 6],
-    wrench: &mut Force<L>,
-    dt: f64,
-) {
-    let [x, y, _, a, b, c] = at_point(twist, point.arm);
-    let mut slip = scaled(&[x, y, a, b, c], scales);
+    velocity: &[L; 6],
+    normal: L,
+    cone: &Cone<L>,
+) -> [L; 5] {
     let old = impulse.friction;
+    let mut slip = scaled(&frictional(velocity), &cone.scale);
     for r in 0..5 {
-        slip[r] = (scales[r] * scales[r] * L::of(creep(r, dt))).mul_add(old[r], slip[r]);
+        slip[r] = point.coupling[r].mul_add(normal, cone.creep[r].mul_add(old[r], slip[r]));
     }
-    let mut stick = old;
-    for (x, inverse) in stick.iter_mut().zip(&point.friction_inverse) {
-        *x = less_products(*x, inverse, &slip);
-    }
-    let mut slide = old;
+    let (mut stick, mut slide) = (old, old);
     for r in 0..5 {
-        slide[r] = point.slip_step.neg_mul_add(slip[r], slide[r]);
+        let [a, b, c, d, e] = point.friction_inverse[r];
+        let tangential = a.mul_add(slip[0], b * slip[1]);
+        let turning = c.neg_mul_add(slip[2], d.neg_mul_add(slip[3], e.neg_mul_add(slip[4], old[r])));
+        stick[r] = turning - tangential;
+        slide[r] = point.slip_step.neg_mul_add(slip[r], old[r]);
     }
     let radius = impulse.normal;
-    let length = norm(&slide);
-    let shrink = (radius / length.max(L::of(1e-30))).min(L::of(1.0));
-    let outside = norm(&stick);
+    let shrink = (radius / square(&slide).max(L::of(1e-30)).sqrt()).min(L::of(1.0));
+    let outside = square(&stick);
     let mut change = old;
     for r in 0..5 {
         // The sum turns a negative zero positive: a point out of reach leaves the same bits as a skipped one.
-        let next = radius.select_lt(outside, slide[r] * shrink, stick[r]) + L::zero();
+        let next = (radius * radius).select_lt(outside, slide[r] * shrink, stick[r]) + L::zero();
         impulse.friction[r] = next;
         change[r] = next - old[r];
     }
-    let added = point_wrench(
-        point,
-        &ContactImpulse {
-            normal: L::zero(),
-            friction: change,
-        },
-        scales,
-    );
-    *wrench = wrench.plus(added);
-    let [fx, fy, _, a, b, c] = added.array();
-    for r in 0..6 {
-        let row = &response[r];
-        let linear = row[0].mul_add(fx, row[1].mul_add(fy, twist[r]));
-        twist[r] = linear + row[3].mul_add(a, row[4].mul_add(b, row[5] * c));
-    }
+    change
 }
 
 #[inline(always)]
-fn norm<L: Lane>(a: &[L; 5]) -> L {
+fn square<L: Lane>(a: &[L; 5]) -> L {
     let tangential = a[0].mul_add(a[0], a[1] * a[1]);
-    let rolling = a[2].mul_add(a[2], a[3].mul_add(a[3], a[4] * a[4]));
-    (tangential + rolling).sqrt()
+    tangential + a[2].mul_add(a[2], a[3].mul_add(a[3], a[4] * a[4]))
 }
 
 /// Ground force on every body, averaged over the step.

@@ -156,11 +156,19 @@ pub fn store_torques<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &Wor
 /// `y . u`
 #[inline(always)]
 fn velocity_change<L: Lane>(ancestors: &[usize], k: usize, column: &[L], change: &[L]) -> L {
-    let mut sums = [column[ancestors.len()] * change[k], L::zero()];
-    for (i, (y, &a)) in column.iter().zip(ancestors).enumerate() {
-        sums[i & 1] = y.mul_add(change[a], sums[i & 1]);
+    // Four sums at once: one would wait for every product.
+    let [mut p, mut q, mut r, mut s] = [column[ancestors.len()] * change[k], L::zero(), L::zero(), L::zero()];
+    for (y, a) in column.chunks_exact(4).zip(ancestors.chunks_exact(4)) {
+        p = y[0].mul_add(change[a[0]], p);
+        q = y[1].mul_add(change[a[1]], q);
+        r = y[2].mul_add(change[a[2]], r);
+        s = y[3].mul_add(change[a[3]], s);
     }
-    sums[0] + sums[1]
+    let whole = ancestors.len() & !3;
+    for (y, &a) in column[whole..].iter().zip(&ancestors[whole..]) {
+        q = y.mul_add(change[a], q);
+    }
+    (p + q) + (r + s)
 }
 
 /// `u = u + y impulse`

@@ -20,6 +20,9 @@ use crate::robot::{Base, JointKind, Robot};
 /// The degrees of freedom of a floating base: three translations, then three rotations, world axes.
 pub const ROOT: usize = 6;
 
+/// Default of [`Model::sweeps`]; they start from the impulses of the last step.
+const SWEEPS: usize = 10;
+
 /// A moving joint, mimic or not. Joint j carries link j + 1.
 pub struct JointModel<L: Lane> {
     /// Link that carries the joint.
@@ -86,6 +89,8 @@ pub struct ContactBody<L: Lane> {
 pub struct Model<L: Lane> {
     /// Physics step, s.
     pub dt: f64,
+    /// Gauss-Seidel sweeps over all contacts and joints in a step.
+    pub sweeps: usize,
     pub floating: bool,
     /// Index of the first joint row: 6 or 0.
     pub root: usize,
@@ -130,6 +135,7 @@ impl<L: Lane> Model<L> {
             .map(|(l, u)| (L::scalar(l), L::scalar(u)));
         Self {
             dt,
+            sweeps: SWEEPS,
             floating,
             root,
             base_pose: robot.base_pose,

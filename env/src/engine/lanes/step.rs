@@ -11,9 +11,6 @@ use super::model::Model;
 use super::spatial::Vec3;
 use super::work::{Timer, Work};
 
-/// Gauss-Seidel sweeps over all contacts and joints, warm-started from the last step.
-pub const SWEEPS: usize = 10;
-
 /// No robot moves this fast, m/s or rad/s: a world that does is broken.
 const SPEED_BOUND: f64 = 1e4;
 
@@ -41,7 +38,7 @@ pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>,
     timer.lap(4);
     joint::prepare_rows(model, group, work);
     timer.lap(5);
-    for _ in 0..SWEEPS {
+    for _ in 0..model.sweeps {
         contact::sweep(model, group, work);
         joint::sweep(model, group, work);
     }

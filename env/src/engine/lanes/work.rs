@@ -70,9 +70,10 @@ pub struct PointWork<L> {
     pub normal_max: L,
     /// Velocity at which the normal impulse would vanish, negated.
     pub bias: L,
-    /// Twist at the reference point per unit of normal impulse.
-    pub normal_response: [L; 6],
+    /// Inverse of the normal row's response.
     pub normal_step: L,
+    /// Slip in scaled coordinates per unit of normal impulse.
+    pub coupling: [L; 5],
     /// Inverse of the frictional block in scaled coordinates, lower triangle by rows.
     pub friction_inverse: [[L; 5]; 5],
     /// Step of the projected gradient where the point slips.
@@ -127,8 +128,8 @@ impl<L: Lane> Work<L> {
             arm: Vec3::zero(),
             normal_max: o,
             bias: o,
-            normal_response: [o; 6],
             normal_step: o,
+            coupling: [o; 5],
             friction_inverse: [[o; 5]; 5],
             slip_step: o,
         };

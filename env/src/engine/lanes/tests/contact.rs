@@ -4,6 +4,10 @@ use nalgebra::UnitQuaternion;
 
 use super::robots;
 use super::*;
+use crate::engine::lanes::engine::Batch;
+use crate::engine::lanes::lane::{Lane, Single};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 fn friction(tangential: f64, torsional: f64, rolling: f64) -> Friction {
     Friction {
@@ -180,4 +184,77 @@ fn dropped_block_comes_to_rest_on_the_ground() {
             assert!(base.linear_velocity.norm() < 1e-4);
         }
     }
+}
+
+/// Errors of the velocity change of a step for every number of sweeps, relative to that of 500, along a motion with
+/// steps, slips and clamped drives; sorted.
+fn sweep_errors(dt: f64, sweeps: &[usize]) -> Vec<Vec<f64>> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/nimbro_op2x");
+    let robot = crate::robot::load(std::path::Path::new(path)).expect("the robot loads");
+    let begin = start(&robot);
+    let own = World {
+        friction: friction(0.6, 0.02, 0.02),
+        ..world(&robot)
+    };
+    let mut engine = Batch::<Single>::new(&robot, dt, 1);
+    let mut other = Batch::<Single>::new(&robot, dt, 1);
+    engine.reset(0, &begin, &own);
+    let mut errors = vec![vec![]; sweeps.len()];
+    let mut bytes = vec![];
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut drive = hold(&robot);
+    drive.friction.fill(0.5);
+    for step in 0..1000 {
+        if step % 5 == 0 {
+            for d in 0..robot.dofs.len() {
+                drive.target[d] = robot.dof(d).nominal + rng.random_range(-0.15..0.15);
+            }
+        }
+        bytes.clear();
+        engine.save(0, &mut bytes);
+        let mut change = |sweeps: usize| {
+            other.model.sweeps = sweeps;
+            other.load(0, &bytes).expect("same robot");
+            other.step(&drive);
+            let change = other.work.change.iter().map(|v| v.get(0));
+            nalgebra::DVector::from_iterator(robot.dofs.len() + 6, change)
+        };
+        let exact = change(500);
+        for (errors, &count) in errors.iter_mut().zip(sweeps) {
+            errors.push((change(count) - &exact).norm() / exact.norm());
+        }
+        engine.step(&drive);
+        if engine.base(0).position.z < 0.7 * begin.position.z {
+            engine.reset(0, &begin, &own);
+        }
+    }
+    for errors in &mut errors {
+        errors.sort_by(f64::total_cmp);
+    }
+    errors
+}
+
+#[test]
+fn sweeps_approach_the_converged_step() {
+    let counts = [3, 6, 12, 24];
+    let errors = sweep_errors(0.005, &counts);
+    let at = |errors: &[f64], share: f64| errors[(share * errors.len() as f64) as usize];
+    for (few, many) in errors.iter().zip(&errors[1..]) {
+        assert!(
+            at(many, 0.5) < 0.5 * at(few, 0.5),
+            "median {} to {}",
+            at(few, 0.5),
+            at(many, 0.5)
+        );
+        assert!(
+            at(many, 0.95) < 0.9 * at(few, 0.95),
+            "95 % {} to {}",
+            at(few, 0.95),
+            at(many, 0.95)
+        );
+    }
+    println!(
+        "median and 95 % of the errors: {:?}",
+        errors.iter().map(|e| (at(e, 0.5), at(e, 0.95))).collect::<Vec<_>>()
+    );
 }

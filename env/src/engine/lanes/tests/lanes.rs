@@ -19,7 +19,7 @@ fn variant(robot: &Robot, seed: usize) -> (Start, World) {
     (begin, own)
 }
 
-fn drive(robot: &Robot, seeds: &[usize], step: usize) -> Drive {
+pub fn drive(robot: &Robot, seeds: &[usize], step: usize) -> Drive {
     let one = hold(robot);
     let dofs = robot.dofs.len();
     let mut drive = Drive::idle(dofs, seeds.len());
