@@ -31,6 +31,8 @@ const REACH: f64 = 0.05;
 const SLIP_DAMPING: f64 = 2e6;
 /// Moment per turning speed of a sticking point, N m s/rad.
 const TURN_DAMPING: f64 = 2e3;
+/// Share of the inverse of the block's norm that a slipping point's gradient step takes.
+const SLIP_STEP: f64 = 1.5;
 
 /// Height of a point above the ground. The ground is the plane z = 0: its normal is the z axis everywhere, and the tangents
 /// are x and y.
@@ -194,16 +196,19 @@ fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, con
     point.coupling = scaled(&frictional(&shifted), &cone.scale);
 
     let mut block = [[L::zero(); 5]; 5];
-    let mut trace = L::zero();
+    let mut squares = L::zero();
     for r in 0..5 {
         let shifted = frictional(&at_point(&rows[FRICTIONAL[r]], point.arm));
         for c in 0..5 {
             block[r][c] = shifted[c] * (cone.scale[r] * cone.scale[c]);
         }
         block[r][r] += cone.creep[r] + L::of(1e-9);
-        trace += block[r][r];
+        for entry in block[r] {
+            squares = entry.mul_add(entry, squares);
+        }
     }
-    point.slip_step = trace.recip();
+    // The Frobenius norm bounds the largest eigenvalue; the gradient step is stable below 2.
+    point.slip_step = L::of(SLIP_STEP) / squares.sqrt();
     point.friction_inverse = inverse(&block);
 }
 
