@@ -37,12 +37,11 @@ fn main() {
         }
     }
     println!("{:8} {:>22} {:>10}", "level", "us per robot-step", "falls");
-    for load in &mut loads {
-        load.times.sort_by(f64::total_cmp);
+    for load in &loads {
         println!(
             "{:8} {:>22.3} {:>10}",
             load.engine.level().name(),
-            load.times[ROUNDS / 2],
+            load.least,
             load.falls
         );
     }
@@ -64,9 +63,8 @@ struct Load<'a> {
     world: World,
     rng: ChaCha8Rng,
     falls: usize,
-    clock: Clock,
-    /// Per round, us per robot-step.
-    times: Vec<f64>,
+    /// Of the fastest round, us per robot-step: other processes share the processor.
+    least: f64,
 }
 
 impl<'a> Load<'a> {
@@ -114,8 +112,7 @@ impl<'a> Load<'a> {
             world,
             rng,
             falls: 0,
-            clock: Clock::new(),
-            times: vec![],
+            least: f64::INFINITY,
         }
     }
 
@@ -128,11 +125,11 @@ impl<'a> Load<'a> {
                     self.drive.target[d * worlds + w] = self.robot.dof(d).nominal + self.rng.random_range(-0.1..0.1);
                 }
             }
-            let begin = self.clock.seconds();
+            let begin = Instant::now();
             for _ in 0..STEPS_PER_TARGET {
                 self.engine.step(&self.drive);
             }
-            seconds += self.clock.seconds() - begin;
+            seconds += begin.elapsed().as_secs_f64();
             for w in 0..worlds {
                 let height = self.engine.base(w).position.z;
                 if !self.engine.is_finite(w) || height < 0.7 * self.start.position.z {
@@ -141,10 +138,11 @@ impl<'a> Load<'a> {
                 }
             }
         }
-        self.times
-            .push(seconds / (worlds * STEPS_PER_TARGET * TARGETS_PER_ROUND) as f64 * 1e6);
+        self.least = self
+            .least
+            .min(seconds / (worlds * STEPS_PER_TARGET * TARGETS_PER_ROUND) as f64 * 1e6);
     }
-    /// Smallest time of every phase in a round: phases are timed by the wall clock, which other processes share.
+    /// Smallest time of every phase in a round.
     fn phases(&mut self) -> Vec<(&'static str, f64)> {
         let mut smallest: Vec<(&'static str, f64)> = vec![];
         for _ in 0..ROUNDS {
@@ -159,20 +157,5 @@ impl<'a> Load<'a> {
             }
         }
         smallest
-    }
-}
-
-/// Time this thread has run on a processor where the system tells, else wall time.
-struct Clock(Instant);
-
-impl Clock {
-    fn new() -> Self {
-        Self(Instant::now())
-    }
-
-    fn seconds(&self) -> f64 {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-        let nanoseconds = text.split_whitespace().next().and_then(|n| n.parse::<f64>().ok());
-        nanoseconds.map_or_else(|| self.0.elapsed().as_secs_f64(), |n| n * 1e-9)
     }
 }
