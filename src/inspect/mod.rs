@@ -5,6 +5,7 @@ mod config;
 mod events;
 mod log;
 mod policy;
+mod robot;
 mod run;
 
 use std::fs::File;
@@ -29,7 +30,7 @@ enum InspectError {
     Policy { path: PathBuf, why: String },
     #[error("{} is none of the files omniwalk knows", .0.display())]
     #[diagnostic(help(
-        "it knows run folders, policies (.omni), checkpoints (.safetensors), logs (.mcap), configurations (.toml), \
+        "it knows robots (.urdf, or a folder with one), run folders, policies (.omni), checkpoints (.safetensors), logs (.mcap), configurations (.toml), \
          metrics (.csv) and TensorBoard events"
     ))]
     Unknown(PathBuf),
@@ -42,6 +43,7 @@ enum InspectError {
 pub fn describe(path: &Path, defaults: &Layers) -> Result<String, Report> {
     let text = match kind(path)? {
         Kind::Run => run::describe(path, defaults)?,
+        Kind::Robot => robot::describe(path, defaults)?,
         Kind::Checkpoint => checkpoint::describe(path)?,
         Kind::Policy => policy::describe(path)?,
         Kind::Log => log::describe(path)?,
@@ -63,6 +65,7 @@ pub fn describe(path: &Path, defaults: &Layers) -> Result<String, Report> {
 
 enum Kind {
     Run,
+    Robot,
     Policy,
     Checkpoint,
     Log,
@@ -78,10 +81,10 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
     };
     let unknown = || InspectError::Unknown(path.to_owned());
     if std::fs::metadata(path).map_err(io)?.is_dir() {
-        return if path.join("config.toml").is_file() {
-            Ok(Kind::Run)
-        } else {
-            Err(unknown())
+        return match path.join("config.toml").is_file() {
+            true => Ok(Kind::Run),
+            false if holds_urdf(path).map_err(io)? => Ok(Kind::Robot),
+            false => Err(unknown()),
         };
     }
     let mut start = Vec::new();
@@ -93,6 +96,7 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
         _ if start == MCAP_MAGIC => Ok(Kind::Log),
         _ if start == omniwalk_controller::file::MAGIC => Ok(Kind::Policy),
         _ if name.contains("tfevents") => Ok(Kind::Events),
+        Some("urdf") => Ok(Kind::Robot),
         Some("omni") => Ok(Kind::Policy),
         Some("mcap") => Ok(Kind::Log),
         Some("safetensors") => Ok(Kind::Checkpoint),
@@ -100,6 +104,11 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
         Some("csv") => Ok(Kind::Metrics),
         _ => Err(unknown()),
     }
+}
+
+fn holds_urdf(folder: &Path) -> std::io::Result<bool> {
+    let mut entries = std::fs::read_dir(folder)?.flatten();
+    Ok(entries.any(|entry| entry.path().extension().is_some_and(|extension| extension == "urdf")))
 }
 
 fn metrics(metrics: &Metrics) -> String {

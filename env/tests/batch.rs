@@ -1,0 +1,135 @@
+//! A batch of environments as the trainer uses it, in both engines.
+
+#[allow(dead_code)]
+mod support;
+
+use omniwalk_env::Batch;
+use omniwalk_env::config::EngineKind;
+use omniwalk_env::random::Stream;
+use omniwalk_env::task::environment::End;
+use support::{ENGINES, config, robot};
+
+/// Random actions around the middle, so that the robot stays up for a while and then falls.
+struct Player {
+    stream: Stream,
+    actions: Vec<f32>,
+}
+
+impl Player {
+    fn new(seed: u64, batch: &Batch) -> Self {
+        Self {
+            stream: Stream::new(seed, 0, 0),
+            actions: vec![0.5; batch.environments() * batch.shared().spec.action_len()],
+        }
+    }
+
+    fn step(&mut self, batch: &mut Batch) {
+        for action in &mut self.actions {
+            *action = (0.5 + self.stream.normal(0.1)).clamp(0.0, 1.0) as f32;
+        }
+        batch.step(&self.actions);
+    }
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+fn batch(engine: EngineKind, environments: usize) -> Batch {
+    let mut config = config(engine);
+    config.push.enabled = true;
+    config.push.interval = 0.5;
+    config.randomise.mass = 0.1;
+    config.randomise.centre_of_mass = 0.01;
+    Batch::new(robot("nimbro_op2x"), &config, environments, 7).unwrap()
+}
+
+#[test]
+fn a_saved_batch_goes_on_with_the_same_bits() {
+    for engine in ENGINES {
+        let mut original = batch(engine, 5);
+        let mut player = Player::new(1, &original);
+        (0..50).for_each(|_| player.step(&mut original));
+        let saved = original.save();
+        let mut restored = batch(engine, 5);
+        restored.load(&saved).unwrap();
+        let mut again = Player {
+            stream: player.stream.clone(),
+            actions: player.actions.clone(),
+        };
+        let mut ended = 0;
+        for _ in 0..150 {
+            player.step(&mut original);
+            again.step(&mut restored);
+            assert_eq!(
+                bits(original.observations()),
+                bits(restored.observations()),
+                "{engine:?}"
+            );
+            assert_eq!(original.terms(), restored.terms());
+            assert_eq!(original.ends(), restored.ends());
+            ended += original.ends().iter().flatten().count();
+        }
+        assert!(ended > 5, "{ended} episodes ended in {engine:?}");
+        assert_eq!(original.save(), restored.save());
+    }
+}
+
+#[test]
+fn what_an_environment_does_depends_on_no_other() {
+    for engine in ENGINES {
+        let (mut few, mut many) = (batch(engine, 3), batch(engine, 21));
+        let (observations, actions) = (few.shared().spec.observation_len(), few.shared().spec.action_len());
+        let mut player = Player::new(1, &many);
+        for _ in 0..100 {
+            player.step(&mut many);
+            few.step(&player.actions[..3 * actions]);
+            assert_eq!(
+                bits(few.observations()),
+                bits(&many.observations()[..3 * observations]),
+                "{engine:?}"
+            );
+            assert_eq!(few.ends(), &many.ends()[..3]);
+        }
+    }
+}
+
+#[test]
+fn a_state_of_another_configuration_is_refused() {
+    let mut few = batch(EngineKind::Rapier, 3);
+    let lanes = batch(EngineKind::Lanes, 3).save();
+    for bytes in [&batch(EngineKind::Rapier, 4).save()[..], &lanes, b"rubbish", &[]] {
+        few.load(bytes).unwrap_err();
+    }
+}
+
+#[test]
+fn episodes_end_by_falling_or_at_their_full_length_and_say_so() {
+    let mut config = config(EngineKind::Lanes);
+    config.task.random_first_length = false;
+    config.task.episode_seconds = 1.0;
+    let mut batch = Batch::new(robot("nimbro_op2x"), &config, 8, 1).unwrap();
+    let still = vec![0.5; 8 * batch.shared().spec.action_len()];
+    for step in 1..=40 {
+        batch.step(&still);
+        let expected = (step == 40).then_some(End::TimeOut);
+        assert!(
+            batch.ends().iter().all(|end| *end == expected),
+            "{:?} at step {step}",
+            batch.ends()
+        );
+    }
+    let episodes: Vec<_> = batch.take_episodes().collect();
+    assert!(
+        episodes
+            .iter()
+            .all(|episode| episode.steps == 40 && episode.terms.alive > 0.0)
+    );
+    let wild: Vec<f32> = (0..still.len()).map(|i| (i % 2) as f32).collect();
+    (0..40).for_each(|_| batch.step(&wild));
+    assert!(
+        batch
+            .take_episodes()
+            .any(|episode| episode.end != End::TimeOut && episode.steps < 40)
+    );
+}
