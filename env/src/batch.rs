@@ -12,7 +12,7 @@ use crate::actuators::Actuators;
 use crate::config::EnvConfig;
 use crate::engine::{self, BaseState, Engine};
 use crate::error::EnvError;
-use crate::robot::Robot;
+use crate::robot::{Base, Robot};
 use crate::task::command::CommandRange;
 use crate::task::environment::{End, Environment, Episode, Scratch};
 use crate::task::reward::{Factors, Terms};
@@ -64,6 +64,16 @@ impl Batch {
     /// # Errors
     /// [`EnvError`] when robot, configuration and engine do not fit together.
     pub fn new(robot: Arc<Robot>, config: &EnvConfig, environments: usize, seed: u64) -> Result<Self, EnvError> {
+        if robot.base == Base::Fixed {
+            return Err(EnvError::FixedBase {
+                robot: robot.name.clone(),
+            });
+        }
+        if robot.feet.is_empty() {
+            return Err(EnvError::NoFeet {
+                robot: robot.name.clone(),
+            });
+        }
         let shared = Arc::new(Shared::new(robot, config, seed)?);
         let width = engine::group_width(config).min(environments.max(1));
         let groups = (0..environments)

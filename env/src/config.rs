@@ -358,12 +358,12 @@ impl EnvConfig {
         require(
             !o.blocks.contains(&Block::Clock),
             "observation.blocks",
-            "the block `clock` is added by clock.enabled; leave it out here".into(),
+            "without `clock`, which clock.enabled adds".into(),
         );
         require(
             (1..o.blocks.len()).all(|i| !o.blocks[..i].contains(&o.blocks[i])),
             "observation.blocks",
-            "each block at most once".into(),
+            "a list with each block at most once".into(),
         );
         positive(
             &mut require,

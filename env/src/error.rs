@@ -11,6 +11,18 @@ pub enum EnvError {
         /// The robot.
         robot: String,
     },
+    /// The robot is bolted to the world.
+    #[error("robot `{robot}` has a fixed base and cannot walk; walking needs a floating base")]
+    FixedBase {
+        /// The robot.
+        robot: String,
+    },
+    /// The robot has nothing to walk on.
+    #[error("robot `{robot}` has no feet and cannot walk; describe its soles under `[[foot]]` in its robot.toml")]
+    NoFeet {
+        /// The robot.
+        robot: String,
+    },
     /// A configured joint is not among the policy's.
     #[error("{key}: no policy joint matches `{name}`; the robot has {known}")]
     UnknownJoint {
