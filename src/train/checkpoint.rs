@@ -16,6 +16,8 @@ use crate::settings::Settings;
 const ENVIRONMENTS: &str = "environments";
 /// Name of the tensor that holds the trainer's own counters, curriculum and episode window.
 const PROGRESS: &str = "progress";
+/// Metadata: wall time spent, s.
+const WALL_SECONDS: &str = "wall_seconds";
 /// Prefix of the learner's tensors.
 const AGENT: &str = "agent.";
 
@@ -60,9 +62,7 @@ pub fn save(trainer: &Trainer) -> miette::Result<Checkpoint> {
         .metadata
         .insert("program".into(), concat!("omniwalk ", env!("CARGO_PKG_VERSION")).into());
     checkpoint.metadata.insert("update".into(), progress.update.into());
-    checkpoint
-        .metadata
-        .insert("wall_seconds".into(), progress.seconds.round().into());
+    checkpoint.metadata.insert(WALL_SECONDS.into(), progress.seconds.into());
     Ok(checkpoint)
 }
 
@@ -110,8 +110,10 @@ pub fn restore(checkpoint: &Checkpoint, settings: &Settings, robot: Arc<Robot>) 
     let mut trainer = Trainer::new(settings, robot)?;
     let (observations, actions) = (trainer.spec().observation_len(), trainer.spec().action_len());
     let agent = agent(checkpoint, settings, observations, actions)?;
-    let progress: Progress =
+    let mut progress: Progress =
         postcard::from_bytes(checkpoint.get_any::<u8>(PROGRESS)?).map_err(RestoreError::Progress)?;
+    let seconds = checkpoint.metadata.get(WALL_SECONDS);
+    progress.seconds = seconds.and_then(serde_json::Value::as_f64).unwrap_or(0.0);
     trainer.restore(agent, checkpoint.get_any::<u8>(ENVIRONMENTS)?, progress)?;
     Ok(trainer)
 }

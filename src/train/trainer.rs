@@ -42,7 +42,8 @@ pub struct Progress {
     pub curriculum: Curriculum,
     /// The latest finished episodes.
     pub window: Window,
-    /// Wall time spent, s.
+    /// Wall time spent, s. A checkpoint keeps it beside the tensors, which depend on nothing but configuration and seed.
+    #[serde(skip)]
     pub seconds: f64,
 }
 

@@ -1,0 +1,61 @@
+//! An update allocates nothing while no episode ends: collecting, learning and the curriculum work in buffers made once.
+//! (Engine `lanes`: rapier's own solver allocates in every step. The end of an episode allocates its record.)
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use omniwalk::config::Layers;
+use omniwalk::settings::{DEFAULT, Settings};
+use omniwalk::train::trainer::Trainer;
+use omniwalk_env::robot;
+
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+struct Counting;
+
+// SAFETY: hands every call on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn an_update_without_episode_ends_allocates_nothing() {
+    let changes = [
+        "engine.kind=lanes",
+        "action.scale=0.01",
+        "task.random_first_length=false",
+        "train.environments=20",
+        "train.steps_per_update=20",
+        "ppo.hidden=[16, 16]",
+        "ppo.minibatch=100",
+        "ppo.epochs=2",
+    ];
+    let layers = changes
+        .iter()
+        .try_fold(Layers::new(DEFAULT).unwrap(), |layers, change| layers.set(change));
+    let (settings, _) = layers.unwrap().build::<Settings>().unwrap();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/nimbro_op2x");
+    let robot = Arc::new(robot::load(&folder).unwrap());
+    // Inside a pool, so that handing work to it, which is once a step, is not counted.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| {
+        let mut trainer = Trainer::new(&settings, robot).unwrap();
+        (0..2).for_each(|_| drop(trainer.update()));
+        let before = COUNT.load(Ordering::Relaxed);
+        (0..5).for_each(|_| drop(trainer.update()));
+        assert_eq!(COUNT.load(Ordering::Relaxed) - before, 0);
+        assert_eq!(trainer.progress().window.total(), 0, "episodes ended");
+    });
+}
