@@ -122,31 +122,32 @@ impl Settings {
             }
         };
         let t = &self.train;
-        require(
-            (1..=65_536).contains(&t.environments),
-            "train.environments",
-            "1 to 65536",
-        );
+        // A world of rapier takes half a megabyte.
+        require((1..=8192).contains(&t.environments), "train.environments", "1 to 8192");
         require(
             (1..=100_000).contains(&t.steps_per_update),
             "train.steps_per_update",
             "1 to 100000",
         );
         require(
-            t.environments.saturating_mul(t.steps_per_update) <= 10_000_000,
+            t.environments.saturating_mul(t.steps_per_update) <= 2_000_000,
             "train.steps_per_update",
-            "at most ten million samples an update (environments times steps_per_update)",
+            "at most 2 million divided by train.environments: that many samples of an update are in memory",
         );
-        require(t.steps >= 1, "train.steps", "at least 1");
         require(
-            t.reward_scale > 0.0 && t.reward_scale.is_finite(),
+            (1..=1_000_000_000_000_000).contains(&t.steps),
+            "train.steps",
+            "1 to 1e15",
+        );
+        require(
+            t.reward_scale > 0.0 && t.reward_scale <= 1e6,
             "train.reward_scale",
-            "a positive number",
+            "above 0 and at most 1e6",
         );
         require(
-            t.checkpoint_minutes > 0.0,
+            t.checkpoint_minutes > 0.0 && t.checkpoint_minutes <= 1e6,
             "train.checkpoint_minutes",
-            "a positive number",
+            "above 0 and at most 1e6",
         );
         require(
             (1..=1000).contains(&t.keep_checkpoints),
@@ -160,11 +161,16 @@ impl Settings {
             "eval.commands",
             "finite numbers",
         );
-        require((1..=10_000).contains(&e.episodes), "eval.episodes", "1 to 10000");
+        // They are all played side by side.
         require(
-            e.seconds > 0.0 && e.seconds <= 3600.0,
+            e.episodes >= 1 && e.episodes.saturating_mul(e.commands.len()) <= 8192,
+            "eval.episodes",
+            "at least 1, and at most 8192 over all commands",
+        );
+        require(
+            e.seconds * f64::from(self.engine.control_hz) >= 2.0 && e.seconds <= 3600.0,
             "eval.seconds",
-            "above 0 and at most 3600",
+            "at least two control steps and at most 3600",
         );
         found
     }
@@ -177,15 +183,15 @@ impl Validate for Settings {
         found.extend(self.invalid_train());
         let mut found: Vec<Invalid> = found
             .into_iter()
-            .map(|(key, message)| Invalid {
+            .map(|(key, right)| Invalid {
                 key: key.into(),
-                message,
+                message: format!("must be {right}"),
             })
             .collect();
         if let Err(error) = self.ppo.validate() {
             found.push(Invalid {
                 key: format!("ppo.{}", error.key),
-                message: error.message,
+                message: format!("must be {}", error.message),
             });
         }
         if found.is_empty() { Ok(()) } else { Err(found) }

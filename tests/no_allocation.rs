@@ -52,9 +52,13 @@ fn an_update_without_episode_ends_allocates_nothing() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
         let mut trainer = Trainer::new(&settings, robot).unwrap();
-        (0..2).for_each(|_| drop(trainer.update()));
+        for _ in 0..2 {
+            trainer.update();
+        }
         let before = COUNT.load(Ordering::Relaxed);
-        (0..5).for_each(|_| drop(trainer.update()));
+        for _ in 0..5 {
+            trainer.update();
+        }
         assert_eq!(COUNT.load(Ordering::Relaxed) - before, 0);
         assert_eq!(trainer.progress().window.total(), 0, "episodes ended");
     });

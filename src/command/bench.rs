@@ -39,11 +39,11 @@ struct Options {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Seconds to measure, in rounds of a second of which the median counts.
-    #[arg(long, value_name = "S", default_value_t = 10)]
+    #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=86_400))]
     seconds: u32,
     /// Samples of a minibatch (ppo).
-    #[arg(long, value_name = "N", default_value_t = 4800)]
-    batch: usize,
+    #[arg(long, value_name = "N", default_value_t = 4800, value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    batch: u32,
     /// Changes a single value of the configuration.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -174,7 +174,7 @@ fn ppo(settings: &Settings, options: &Options, threads: usize) -> miette::Result
         settings.ppo.clone(),
         spec.observation_len(),
         spec.action_len(),
-        options.batch,
+        options.batch as usize,
         threads,
     )
     .map_err(|error| miette::miette!("ppo.{error}"))?;

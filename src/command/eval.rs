@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         seed: args.seed,
         nominal: args.nominal,
     };
-    let mut rollouts = Rollouts::create(&args.run.join("rollouts"), &suite, &loaded)?;
+    let mut rollouts = Rollouts::new(args.run.join("rollouts"), &suite);
     let agent = &mut loaded.agent;
     let policy = |observations: &[f32], actions: &mut [f32]| agent.mode(observations, actions);
     let rows = play(
@@ -124,6 +124,7 @@ impl Loaded {
         changes.extend(args.episodes.map(|n| format!("eval.episodes={n}")));
         changes.extend(args.seconds.map(|s| format!("eval.seconds={s:?}")));
         let (settings, _) = load::settings(Some(&args.run.join("config.toml")), &changes)?;
+        within_bounds(&settings)?;
         let robot = load::robot(args.robot.as_deref().unwrap_or(&args.run.join("robot")))?;
         let latest = run
             .checkpoints()
@@ -147,34 +148,61 @@ impl Loaded {
     }
 }
 
+/// The controller keeps what is asked of it within the bounds it was trained for, so that other commands would not
+/// be played as they are written.
+fn within_bounds(settings: &Settings) -> miette::Result<()> {
+    let (lower, upper) = (settings.command.lower, settings.command.upper);
+    let inside = |command: &[f64; 3]| (0..3).all(|k| (lower[k]..=upper[k]).contains(&command[k]));
+    match settings.eval.commands.iter().find(|command| !inside(command)) {
+        None => Ok(()),
+        Some(command) => Err(miette!(
+            help = "for example --set 'eval.commands=[[0.0, 0.0, 0.0]]'",
+            "`eval.commands` must be within the bounds the policy was trained for, {lower:?} to {upper:?}, \
+             and {command:?} is not"
+        )),
+    }
+}
+
 /// The first episode of each command as a log.
-struct Rollouts(Vec<Recorder>);
+struct Rollouts {
+    folder: PathBuf,
+    suite: Suite,
+    recorders: Vec<Recorder>,
+}
 
 impl Rollouts {
-    fn create(folder: &Path, suite: &Suite, loaded: &Loaded) -> miette::Result<Self> {
-        std::fs::create_dir_all(folder)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot create {}", folder.display()))?;
-        let dt = loaded.settings.env().control_dt();
-        let recorders = suite.commands.iter().enumerate().map(|(i, [x, y, turn])| {
-            let path = folder.join(format!("eval_{x:.2}_{y:.2}_{turn:.2}.mcap"));
-            Recorder::create(&path, i * suite.episodes, &loaded.robot, dt)
-        });
-        Ok(Self(recorders.collect::<Result<_, _>>()?))
+    fn new(folder: PathBuf, suite: &Suite) -> Self {
+        Self {
+            folder,
+            suite: suite.clone(),
+            recorders: Vec::new(),
+        }
     }
 
     fn finish(self) -> Result<Vec<PathBuf>, LogError> {
-        self.0.into_iter().map(Recorder::finish).collect()
+        self.recorders.into_iter().map(Recorder::finish).collect()
     }
 }
 
 impl Watch for Rollouts {
+    /// Only now is anything written: robot, configuration and engine fit together.
     fn start(&mut self, batch: &Batch) -> miette::Result<()> {
-        self.0.iter_mut().try_for_each(|recorder| Ok(recorder.state(batch)?))
+        std::fs::create_dir_all(&self.folder)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot create {}", self.folder.display()))?;
+        let shared = batch.shared();
+        for (i, [x, y, turn]) in self.suite.commands.iter().enumerate() {
+            let path = self.folder.join(format!("eval_{x:.2}_{y:.2}_{turn:.2}.mcap"));
+            let environment = i * self.suite.episodes;
+            let mut recorder = Recorder::create(&path, environment, &shared.robot, shared.config.control_dt())?;
+            recorder.state(batch)?;
+            self.recorders.push(recorder);
+        }
+        Ok(())
     }
 
     fn step(&mut self, batch: &Batch, observations: &[f32], actions: &[f32]) -> miette::Result<()> {
-        self.0
+        self.recorders
             .iter_mut()
             .try_for_each(|recorder| Ok(recorder.step(batch, observations, actions)?))
     }

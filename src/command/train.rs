@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(long, conflicts_with_all = ["config", "set", "seed", "engine"])]
     resume: bool,
     /// Seed of everything random.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     /// Threads; the result does not depend on their number [default: all cores].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -63,12 +63,13 @@ pub fn run(args: &Args) -> miette::Result<()> {
             .build_global()
             .into_diagnostic()?;
     }
+    let stop = interrupt()?;
     let mut session = if args.resume {
         Session::resume(args)?
     } else {
         Session::start(args)?
     };
-    session.train(args)
+    session.train(args, &stop)
 }
 
 /// A run on disk and in memory.
@@ -145,8 +146,7 @@ impl Session {
         })
     }
 
-    fn train(&mut self, args: &Args) -> miette::Result<()> {
-        let stop = interrupt()?;
+    fn train(&mut self, args: &Args, stop: &AtomicBool) -> miette::Result<()> {
         let total = self.settings.train.steps;
         let mut display = Display::new(total, args.log_format, args.quiet);
         let started = Instant::now();

@@ -1,0 +1,338 @@
+//! Bad input through the command line: exit code 2, a message that says where and what would be right, no panic, and
+//! nothing is written.
+
+#[allow(dead_code)]
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use support::{contents, copy, omniwalk, robot, succeeds, tiny};
+use tempfile::TempDir;
+
+/// Runs `omniwalk` in a folder that `prepare` has filled, beside `tiny.toml`.
+#[track_caller]
+fn refuses_in(prepare: impl FnOnce(&Path), arguments: &[&str], parts: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
+    prepare(folder.path());
+    let before = contents(folder.path());
+    let output = omniwalk(folder.path(), arguments);
+    let message = output.message();
+    assert_eq!((output.code, output.out.as_str()), (2, ""), "{message}");
+    for part in parts {
+        assert!(message.contains(part), "{part:?} is not in\n{message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(contents(folder.path()) == before, "something was written");
+}
+
+/// `train` with `text` as its configuration.
+#[track_caller]
+fn refuses_config(text: impl AsRef<[u8]>, parts: &[&str]) {
+    let write = |folder: &Path| fs::write(folder.join("bad.toml"), text.as_ref()).unwrap();
+    refuses_in(write, &["train", "bad.toml", "--run", "run"], parts);
+}
+
+/// `train` with a single change to a sound configuration.
+#[track_caller]
+fn refuses_set(change: &str, parts: &[&str]) {
+    refuses_in(|_| (), &["train", "tiny.toml", "--run", "run", "--set", change], parts);
+}
+
+/// `train` and `inspect` with a robot whose URDF is NimbRo's with `from` changed to `to`.
+#[track_caller]
+fn refuses_robot(file: &str, from: &str, to: &str, parts: &[&str]) {
+    let write = |folder: &Path| {
+        copy(&robot("nimbro_op2x"), &folder.join("robot"));
+        let path = folder.join("robot").join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{from:?} is not in {file}");
+        fs::write(path, text.replacen(from, to, 1)).unwrap();
+    };
+    let path = ["--set", "robot.path=robot"];
+    let train = [&["train", "tiny.toml", "--run", "run"], &path[..]].concat();
+    refuses_in(write, &train, parts);
+    refuses_in(write, &["inspect", "robot"], parts);
+}
+
+/// A finished run, trained once.
+static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
+    succeeds(
+        folder.path(),
+        &[
+            "train",
+            "tiny.toml",
+            "--run",
+            "run",
+            "--quiet",
+            "--set",
+            "train.checkpoint_minutes=1e-9",
+        ],
+    );
+    let run = folder.path().join("run");
+    (folder, run)
+});
+
+/// A command on a copy of a finished run that `damage` has changed.
+#[track_caller]
+fn refuses_run(damage: impl FnOnce(&Path), arguments: &[&str], parts: &[&str]) {
+    let prepare = |folder: &Path| {
+        copy(&RUN.1, &folder.join("run"));
+        damage(&folder.join("run"));
+    };
+    refuses_in(prepare, arguments, parts);
+}
+
+fn checkpoints(run: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(run.join("checkpoints")).unwrap();
+    let mut files: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+fn cut(file: &Path) {
+    let bytes = fs::read(file).unwrap();
+    fs::write(file, &bytes[..bytes.len() / 2]).unwrap();
+}
+
+const RESUME: &[&str] = &["train", "--resume", "--run", "run", "--steps", "960"];
+
+/// One test for each wrong configuration file.
+macro_rules! config_refused {
+    ($($name:ident: $text:expr, $parts:expr;)*) => {
+        $(#[test] fn $name() { refuses_config($text, &$parts); })*
+    };
+}
+
+/// One test for each wrong `--set`.
+macro_rules! set_refused {
+    ($($name:ident: $change:expr, $parts:expr;)*) => {
+        $(#[test] fn $name() { refuses_set($change, &$parts); })*
+    };
+}
+
+/// One test for each wrong robot.
+macro_rules! robot_refused {
+    ($($name:ident: $file:expr, $from:expr => $to:expr, $parts:expr;)*) => {
+        $(#[test] fn $name() { refuses_robot($file, $from, $to, &$parts); })*
+    };
+}
+
+config_refused! {
+    an_unknown_key: "[ppo]\nepoch = 3\n", ["unknown key `ppo.epoch`", "bad.toml:2:1", "did you mean `ppo.epochs`?"];
+    an_unknown_section: "[pppo]\n", ["unknown key `pppo`", "bad.toml:1:2", "did you mean `ppo`?"];
+    a_string_for_a_number: "[ppo]\nepochs = \"ten\"\n", ["`ppo.epochs` has the wrong type", "bad.toml:2:10", "it takes"];
+    a_fraction_for_a_count: "[train]\nenvironments = 2.5\n", ["`train.environments`", "bad.toml:2:16"];
+    a_negative_count: "[train]\nenvironments = -2\n", ["`train.environments`", "bad.toml:2:16"];
+    a_value_out_of_range: "[ppo]\ngamma = 1.5\n", ["`ppo.gamma` must be 0 to 1", "bad.toml:2:9"];
+    a_value_that_is_no_number: "[reward]\nclearance = nan\n", ["bad.toml:2:13", "not a number"];
+    broken_toml: "[ppo]\nepochs = = 3\n", ["not valid TOML", "bad.toml:2:10"];
+    a_key_given_twice: "train.seed = 1\ntrain.seed = 2\n", ["bad.toml:2:", "duplicate key"];
+    text_that_is_not_utf_8: b"robot.path = \"\xff\"\n", ["cannot read bad.toml", "not UTF-8"];
+    a_file_that_is_too_large: vec![b'#'; 1 << 21], ["cannot read bad.toml", "larger than 1 MiB"];
+    an_unknown_engine: "[engine]\nkind = \"mujoco\"\n", ["cannot be `mujoco`", "bad.toml:2:8", "rapier, lanes"];
+    an_unknown_block: "[observation]\nblocks = [\"gyroscope\"]\n", ["bad.toml:2:11", "the choices are joint_position"];
+    two_wrong_values: "[ppo]\ngamma = 2.0\n[train]\nsteps = 0\n", ["`ppo.gamma`", "`train.steps` must be", "bad.toml:4:9"];
+}
+
+set_refused! {
+    a_change_of_an_unknown_key: "reward.clearence=0.1", ["unknown key", "--set:1:8", "did you mean `reward.clearance`?"];
+    a_change_of_the_wrong_type: "reward.clearance=high", ["`reward.clearance` has the wrong type", "--set:1:18"];
+    a_change_out_of_range: "latency.upper=3", ["`latency.upper` must be latency.lower to 1 s", "--set:1:15"];
+    a_change_without_value: "train.seed", ["`--set` takes key=value"];
+    a_physics_rate_that_is_no_multiple_of_the_control_rate: "engine.physics_hz=210", ["`engine.physics_hz` must be a multiple of engine.control_hz = 40"];
+    a_clocked_swing_without_clock: "clock.enabled=false", ["`reward.clock_swing` must be false, or clock.enabled = true"];
+    more_samples_than_fit_into_memory: "train.steps_per_update=1000000", ["`train.steps_per_update` must be"];
+    more_environments_than_fit_into_memory: "train.environments=1000000", ["`train.environments` must be 1 to 8192"];
+    more_evaluations_than_fit_into_memory: "eval.episodes=10000", ["`eval.episodes` must be"];
+    an_endless_time_between_checkpoints: "train.checkpoint_minutes=inf", ["train.checkpoint_minutes"];
+    a_lower_bound_above_zero: "command.lower=[0.1, 0.0, 0.0]", ["`command.lower` must be"];
+    layers_that_are_too_wide: "ppo.hidden=[100000]", ["`ppo.hidden` must be"];
+    a_block_given_twice: "observation.blocks=[\"gyro\", \"gyro\"]", ["`observation.blocks` must be a list with each block at most once"];
+    a_pose_joint_that_does_not_exist: "reward.pose_joints=[\"left_tail\"]", ["reward.pose_joints", "no policy joint matches `left_tail`", "left_hip_yaw"];
+    a_robot_that_does_not_exist: "robot.path=nowhere", ["nowhere: does not exist"];
+    a_robot_folder_without_urdf: "robot.path=.", ["holds 0 .urdf files"];
+}
+
+robot_refused! {
+    xml_that_is_broken: "nimbro_op2x.urdf", "</robot>" => "", ["nimbro_op2x.urdf:", "not XML"];
+    a_loop_of_links: "nimbro_op2x.urdf", "<child link=\"left_hip_roll_link\"/>" => "<child link=\"base_link\"/>", ["nimbro_op2x.urdf:"];
+    a_moving_link_without_mass: "nimbro_op2x.urdf", "</robot>" => "<link name=\"antenna\"/><joint name=\"wag\" type=\"continuous\"><parent link=\"left_hip_yaw_link\"/><child link=\"antenna\"/><axis xyz=\"0 0 1\"/></joint></robot>", ["nimbro_op2x.urdf:", "no mass or inertia"];
+    a_revolute_joint_without_limits: "nimbro_op2x.urdf", "<limit " => "<unlimited ", ["nimbro_op2x.urdf:", "no position limits"];
+    a_nan_in_the_urdf: "nimbro_op2x.urdf", "<mass value=\"" => "<mass value=\"NaN\" was=\"", ["nimbro_op2x.urdf:", "not finite"];
+    a_mimic_of_an_unknown_joint: "nimbro_op2x.urdf", "<mimic joint=\"" => "<mimic joint=\"no_", ["nimbro_op2x.urdf:", "does not exist"];
+    a_joint_name_given_twice: "nimbro_op2x.urdf", "<joint name=\"left_hip_roll\"" => "<joint name=\"left_hip_yaw\"", ["nimbro_op2x.urdf:", "two <joint>"];
+    an_unknown_joint_in_the_toml: "robot.toml", "\"*_hip_yaw\"" => "\"*_hip_yawn\"", ["robot.toml:", "no joint matches `*_hip_yawn`"];
+    an_unknown_key_in_the_toml: "robot.toml", "armature" => "armatur", ["robot.toml:", "armatur"];
+    a_negative_gain: "robot.toml", "kp = 400.0" => "kp = -400.0", ["robot.toml:", "impossible value"];
+}
+
+#[test]
+fn a_configuration_that_does_not_exist() {
+    refuses_in(
+        |_| (),
+        &["train", "none.toml", "--run", "run"],
+        &["cannot read none.toml"],
+    );
+    refuses_in(|_| (), &["train", ".", "--run", "run"], &["cannot read ."]);
+}
+
+#[test]
+fn arguments_that_make_no_sense() {
+    for (arguments, part) in [
+        (
+            &["train", "tiny.toml", "--engine", "mujoco"][..],
+            "invalid value 'mujoco' for '--engine",
+        ),
+        (&["train", "tiny.toml", "--threads", "0"], "0 is not in 1..=1024"),
+        (&["train", "tiny.toml", "--steps", "0"], "`train.steps` must be"),
+        (
+            &["train", "tiny.toml", "--steps", "many"],
+            "invalid value 'many' for '--steps",
+        ),
+        (
+            &["train", "tiny.toml", "--seed", "18446744073709551615"],
+            "18446744073709551615 is not in",
+        ),
+        (&["train", "tiny.toml", "--resume"], "cannot be used with"),
+        (&["train", "--resume"], "--resume needs --run DIR"),
+        (&["train", "--resume", "--run", "none"], "none holds no run"),
+        (&["train", "tiny.toml", "--run", "tiny.toml"], "tiny.toml"),
+        (&["eval", "none"], "none holds no run"),
+        (&["eval", "tiny.toml"], "tiny.toml holds no run"),
+        (&["eval", "."], "holds no run"),
+        (&["inspect", "none"], "cannot read none"),
+        (&["inspect", "."], "is none of the files omniwalk knows"),
+        (&["bench", "env", "--seconds", "0"], "0 is not in 1..=86400"),
+        (&["walk"], "unrecognized subcommand"),
+    ] {
+        refuses_in(|_| (), arguments, &[part]);
+    }
+}
+
+#[test]
+fn a_robot_that_cannot_walk() {
+    let pendulum = format!("robot.path={:?}", robot("pendulum"));
+    refuses_set(&pendulum, &["`pendulum`", "fixed base", "floating"]);
+    // Soles that no TOML describes are guessed from collision shapes; here there are none.
+    let no_feet = |folder: &Path| {
+        let text = fs::read_to_string(robot("nimbro_op2x").join("nimbro_op2x.urdf")).unwrap();
+        let text = text.replace("<collision", "<unseen").replace("</collision", "</unseen");
+        fs::create_dir(folder.join("robot")).unwrap();
+        fs::write(folder.join("robot/robot.urdf"), text).unwrap();
+        fs::write(folder.join("robot/robot.toml"), "base = \"floating\"\n").unwrap();
+    };
+    let arguments = ["train", "tiny.toml", "--run", "run", "--set", "robot.path=robot"];
+    refuses_in(no_feet, &arguments, &["has no feet", "[[foot]]"]);
+}
+
+#[test]
+fn mirroring_a_robot_without_a_mirror_map() {
+    let no_map = |folder: &Path| {
+        copy(&robot("nimbro_op2x"), &folder.join("robot"));
+        let path = folder.join("robot/robot.toml");
+        let text = fs::read_to_string(&path).unwrap();
+        let at = text.find("[mirror]").unwrap();
+        let end = text[at..].find("[[").map_or(text.len(), |end| at + end);
+        fs::write(&path, format!("{}{}", &text[..at], &text[end..])).unwrap();
+    };
+    let arguments = ["train", "tiny.toml", "--run", "run", "--set", "robot.path=robot"];
+    refuses_in(
+        no_map,
+        &arguments,
+        &["train.mirror", "no left-right mirror map", "train.mirror = false"],
+    );
+}
+
+#[test]
+fn a_run_folder_that_holds_a_run() {
+    refuses_run(
+        |_| (),
+        &["train", "tiny.toml", "--run", "run"],
+        &["run already holds a run", "--resume"],
+    );
+}
+
+#[test]
+fn a_run_that_cannot_be_resumed() {
+    let without_checkpoints = |run: &Path| fs::remove_dir_all(run.join("checkpoints")).unwrap();
+    refuses_run(
+        without_checkpoints,
+        RESUME,
+        &["run holds no checkpoint yet", "another folder"],
+    );
+    let damaged = |run: &Path| checkpoints(run).iter().for_each(|file| cut(file));
+    refuses_run(damaged, RESUME, &["is not a whole checkpoint"]);
+    let empty = |run: &Path| fs::remove_file(run.join("config.toml")).unwrap();
+    refuses_run(empty, RESUME, &["run holds no run", "config.toml"]);
+    let config = |run: &Path| fs::write(run.join("config.toml"), "[ppo]\nepoch = 3\n").unwrap();
+    refuses_run(config, RESUME, &["unknown key `ppo.epoch`", "config.toml:2:1"]);
+    let wider = |run: &Path| {
+        let path = run.join("config.toml");
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(path, text.replace("hidden = [16, 16]", "hidden = [32, 16]")).unwrap();
+    };
+    refuses_run(wider, RESUME, &["cannot go on from", "do not fit this configuration"]);
+    let columns = |run: &Path| fs::write(run.join("metrics.csv"), "step,return\n").unwrap();
+    refuses_run(columns, RESUME, &["metrics.csv"]);
+    let other_robot = |run: &Path| {
+        fs::remove_dir_all(run.join("robot")).unwrap();
+        copy(&robot("pendulum"), &run.join("robot"));
+    };
+    refuses_run(other_robot, RESUME, &["fixed base"]);
+}
+
+#[test]
+fn an_evaluation_that_does_not_fit() {
+    let pendulum = robot("pendulum").display().to_string();
+    refuses_run(|_| (), &["eval", "run", "--robot", &pendulum], &["does not fit"]);
+    refuses_run(
+        |_| (),
+        &["eval", "run", "--episodes", "0"],
+        &["`eval.episodes` must be at least 1"],
+    );
+    refuses_run(
+        |_| (),
+        &["eval", "run", "--seconds", "nan"],
+        &["eval.seconds", "number"],
+    );
+    refuses_run(
+        |_| (),
+        &["eval", "run", "--seconds", "0.01"],
+        &["`eval.seconds` must be"],
+    );
+    refuses_run(
+        |_| (),
+        &["eval", "run", "--set", "eval.commands=[[2.0, 0.0, 0.0]]"],
+        &["`eval.commands`", "[2.0, 0.0, 0.0]", "bounds"],
+    );
+    let damaged = |run: &Path| checkpoints(run).iter().for_each(|file| cut(file));
+    refuses_run(damaged, &["eval", "run"], &["is not a whole checkpoint"]);
+}
+
+#[test]
+fn a_damaged_newest_checkpoint_is_skipped_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    copy(&RUN.1, &run);
+    let files = checkpoints(&run);
+    assert_eq!(files.len(), 3);
+    cut(files.last().unwrap());
+    let output = succeeds(folder.path(), &["eval", "run", "--seconds", "0.1"]);
+    assert!(output.message().contains("warning:") && output.message().contains("is not a whole checkpoint"));
+    assert!(output.out.contains("run after 360 steps"), "{}", output.out);
+    let output = succeeds(folder.path(), RESUME);
+    assert!(output.message().contains("is not a whole checkpoint"));
+    assert!(output.out.contains("960 of 960 steps"), "{}", output.out);
+    let metrics = fs::read_to_string(run.join("metrics.csv")).unwrap();
+    let steps: Vec<_> = metrics
+        .lines()
+        .skip(1)
+        .map(|row| row.split(',').next().unwrap())
+        .collect();
+    assert_eq!(steps, ["120", "240", "360", "480", "600", "720", "840", "960"]);
+}
