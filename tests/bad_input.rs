@@ -151,6 +151,8 @@ set_refused! {
     more_evaluations_than_fit_into_memory: "eval.episodes=10000", ["`eval.episodes` must be"];
     an_endless_time_between_checkpoints: "train.checkpoint_minutes=inf", ["train.checkpoint_minutes"];
     a_lower_bound_above_zero: "command.lower=[0.1, 0.0, 0.0]", ["`command.lower` must be"];
+    a_weight_beyond_any_learner: "reward.velocity_weight=1e300", ["`reward.velocity_weight` must be 0 to 1e6", "--set:1:24"];
+    a_clock_that_never_ticks: "clock.period=0", ["`clock.period` must be 1e-6 to 1e6"];
     layers_that_are_too_wide: "ppo.hidden=[100000]", ["`ppo.hidden` must be"];
     a_block_given_twice: "observation.blocks=[\"gyro\", \"gyro\"]", ["`observation.blocks` must be a list with each block at most once"];
     a_pose_joint_that_does_not_exist: "reward.pose_joints=[\"left_tail\"]", ["reward.pose_joints", "no policy joint matches `left_tail`", "left_hip_yaw"];

@@ -394,21 +394,20 @@ impl EnvConfig {
 
     fn invalid_command(&self, require: &mut impl FnMut(bool, &'static str, String)) {
         let c = &self.command;
-        let finite = |v: &[f64; 3]| v.iter().all(|x| x.is_finite());
         require(
-            finite(&c.lower) && c.lower.iter().all(|&x| x <= 0.0),
+            c.lower.iter().all(|x| (-100.0..=0.0).contains(x)),
             "command.lower",
-            "finite, not positive".into(),
+            "-100 to 0 on each axis".into(),
         );
         require(
-            finite(&c.upper) && c.upper.iter().all(|&x| x >= 0.0),
+            c.upper.iter().all(|x| (0.0..=100.0).contains(x)),
             "command.upper",
-            "finite, not negative".into(),
+            "0 to 100 on each axis".into(),
         );
         require(
-            finite(&c.rate) && c.rate.iter().all(|&x| x > 0.0),
+            c.rate.iter().all(|x| (1e-6..=1e6).contains(x)),
             "command.rate",
-            "positive on each axis".into(),
+            "1e-6 to 1e6 on each axis".into(),
         );
         share(require, c.zero_share, "command.zero_share");
         share(require, c.axis_share, "command.axis_share");
@@ -482,8 +481,8 @@ impl EnvConfig {
             "latency.upper",
             "latency.lower to 1 s".into(),
         );
-        let range = |r: [f64; 2]| r[0] >= 0.0 && r[1] >= r[0] && r[1].is_finite();
-        let right = || "two numbers, not negative, the smaller first".to_string();
+        let range = |r: [f64; 2]| r[0] >= 0.0 && r[1] >= r[0] && r[1] <= 100.0;
+        let right = || "two numbers from 0 to 100, the smaller first".to_string();
         require(range(self.friction.tangential), "friction.tangential", right());
         require(range(self.friction.torsional), "friction.torsional", right());
         require(range(self.friction.rolling), "friction.rolling", right());
@@ -504,11 +503,11 @@ impl EnvConfig {
 }
 
 fn positive(require: &mut impl FnMut(bool, &'static str, String), value: f64, key: &'static str) {
-    require(value.is_finite() && value > 0.0, key, "a positive number".into());
+    require((1e-6..=1e6).contains(&value), key, "1e-6 to 1e6".into());
 }
 
 fn not_negative(require: &mut impl FnMut(bool, &'static str, String), value: f64, key: &'static str) {
-    require(value.is_finite() && value >= 0.0, key, "a number, not negative".into());
+    require((0.0..=1e6).contains(&value), key, "0 to 1e6".into());
 }
 
 fn share(require: &mut impl FnMut(bool, &'static str, String), value: f64, key: &'static str) {

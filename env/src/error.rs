@@ -44,6 +44,9 @@ pub enum EnvError {
     /// The engine does not take this robot.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// The layout of observation and action is not one the controller can run.
+    #[error("robot and configuration give the controller an impossible layout: {0}")]
+    Layout(String),
     /// A saved state does not fit.
     #[error("the saved environments do not fit: {0}")]
     State(String),

@@ -133,7 +133,7 @@ impl Environment {
     /// Environment `index` before its first episode.
     ///
     /// # Errors
-    /// [`EnvError::State`] when the layout is not one the controller can run.
+    /// [`EnvError::Layout`] when the layout is not one the controller can run.
     pub fn new(shared: &Shared, index: usize) -> Result<Self, EnvError> {
         let joints = shared.robot.policy.len();
         let command = &shared.config.command;
@@ -141,7 +141,7 @@ impl Environment {
             index,
             episode: 0,
             stream: Stream::new(shared.seed, index as u64, 0),
-            pipeline: Pipeline::new(&shared.spec).map_err(|error| EnvError::State(error.to_string()))?,
+            pipeline: Pipeline::new(&shared.spec).map_err(|error| EnvError::Layout(error.to_string()))?,
             history: History::new(joints, shared.longest_latency()),
             range: CommandRange {
                 lower: command.lower,
