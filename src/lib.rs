@@ -1,10 +1,11 @@
-//! The parts the command line is made of: configuration, training, evaluation, the run folder, logs.
+//! The parts the command line is made of: configuration, training, evaluation, the run folder, logs, pictures.
 
 pub mod command;
 pub mod config;
 pub mod eval;
 pub mod inspect;
 pub mod log;
+pub mod report;
 pub mod run;
 pub mod settings;
 pub mod train;

@@ -5,7 +5,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use omniwalk::command::{bench, eval, inspect, train};
+use omniwalk::command::{bench, eval, inspect, report, train};
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
 #[derive(Parser)]
@@ -21,6 +21,7 @@ enum Command {
     Eval(eval::Args),
     Inspect(inspect::Args),
     Bench(bench::Args),
+    Report(report::Args),
 }
 
 fn main() -> ExitCode {
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Report(args) => report::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod eval;
 pub mod inspect;
+pub mod report;
 pub mod train;
 
 mod load;

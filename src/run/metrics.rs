@@ -165,6 +165,14 @@ impl Metrics {
     /// # Errors
     /// [`MetricsError::Io`], or [`MetricsError::Damaged`] for what is not the file of a run.
     pub fn read(path: &Path) -> Result<Self, MetricsError> {
+        Self::scan(path, |_| {})
+    }
+
+    /// Reads the file at `path` and shows the metrics so far to `each` after every row.
+    ///
+    /// # Errors
+    /// As [`Metrics::read`].
+    pub fn scan(path: &Path, mut each: impl FnMut(&Self)) -> Result<Self, MetricsError> {
         let io = |source| MetricsError::Io {
             path: path.to_owned(),
             source,
@@ -189,6 +197,9 @@ impl Metrics {
             let text = std::str::from_utf8(&row).map_err(|_| damaged("this is not text"))?;
             let text = text.strip_suffix('\n').ok_or_else(|| damaged("this row is cut off"))?;
             metrics.take(line, text).map_err(damaged)?;
+            if line > 1 {
+                each(&metrics);
+            }
         }
         match metrics.columns.is_empty() {
             true => Err(MetricsError::Damaged {

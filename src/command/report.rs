@@ -1,0 +1,185 @@
+//! `omniwalk report`.
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use serde_json::Value;
+
+use super::load;
+use crate::report::canvas::Canvas;
+use crate::report::curves::Curves;
+use crate::report::html::{About, page};
+use crate::report::motion::Motion;
+use crate::report::{film, gait, learning};
+use crate::run::{RunFolder, write_atomic};
+
+/// Largest text file of a run that is read, bytes.
+const MAX_TEXT_BYTES: u64 = 16 << 20;
+
+/// Draws learning curves of runs, and gait and filmstrip of the first one's fastest rollout.
+///
+/// Writes learning.png, gait.png, filmstrip.png and report.html, which holds the pictures, the evaluation and the
+/// configuration. Works while a run is still training; without rollouts (see `omniwalk eval`) there are only curves.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Run folders; several are drawn over each other, one colour a run.
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Where the files go [default: the first run].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Whatever is wrong with the runs; nothing is written then.
+pub fn run(args: &Args) -> Result<()> {
+    let runs: Vec<RunFolder> = args
+        .runs
+        .iter()
+        .map(|path| RunFolder::open(path))
+        .collect::<Result<_, _>>()?;
+    let about: Vec<About> = runs.iter().map(about).collect::<Result<_>>()?;
+    let curves = runs.iter().zip(&about);
+    let curves: Vec<Curves> = curves
+        .map(|(run, about)| curves_of(run, about))
+        .collect::<Result<_>>()?;
+    let mut pictures = vec![("learning.png", learning::draw(&curves)?)];
+    pictures.extend(motion_pictures(&runs[0])?);
+    let encoded = pictures.iter().map(|(name, canvas)| Ok((*name, Canvas::png(canvas)?)));
+    let pictures: Vec<(&str, Vec<u8>)> = encoded.collect::<Result<_>>()?;
+    let html = page(&pictures, &about, env!("CARGO_PKG_VERSION"));
+
+    let folder = args.out.as_deref().unwrap_or(runs[0].path());
+    fs::create_dir_all(folder)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot create {}", folder.display()))?;
+    pictures
+        .iter()
+        .try_for_each(|(name, png)| write(&folder.join(name), png))?;
+    write(&folder.join("report.html"), html.as_bytes())
+}
+
+fn curves_of(run: &RunFolder, about: &About) -> Result<Curves> {
+    if !run.metrics().exists() {
+        return Err(miette!("{} holds no metrics yet", run.path().display()));
+    }
+    let curves = Curves::read(&run.metrics(), about.name.clone())?;
+    match curves.steps() {
+        0 => Err(miette!("{} holds no metrics yet", run.path().display())),
+        _ => Ok(curves),
+    }
+}
+
+/// Gait and filmstrip, if there is a rollout.
+fn motion_pictures(run: &RunFolder) -> Result<Vec<(&'static str, Canvas)>> {
+    let logs = logs(&run.rollouts());
+    if logs.is_empty() {
+        return Ok(Vec::new());
+    }
+    let robot = load::robot(&run.path().join("robot"))?;
+    let mut fastest: Option<Motion> = None;
+    for log in logs {
+        match Motion::read(&log, &robot) {
+            Ok(motion) if fastest.as_ref().is_none_or(|other| motion.speed() > other.speed()) => fastest = Some(motion),
+            Ok(_) => {}
+            // An evaluation may be writing it.
+            Err(error) => eprintln!("warning: left out: {error}"),
+        }
+    }
+    let Some(motion) = fastest else {
+        return Ok(Vec::new());
+    };
+    println!("rollout: {}", motion.path.display());
+    let mut pictures = vec![("filmstrip.png", film::draw(&motion, &robot)?)];
+    if !robot.feet.is_empty() {
+        pictures.insert(0, ("gait.png", gait::draw(&motion, &robot)?));
+    }
+    Ok(pictures)
+}
+
+/// The logs in a folder in the order of their names.
+fn logs(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut logs: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|e| e == "mcap"))
+        .collect();
+    logs.sort();
+    logs
+}
+
+fn about(run: &RunFolder) -> Result<About> {
+    let config = read(&run.config())?;
+    let table: toml::Table = toml::from_str(&config)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("{} is not TOML", run.config().display()))?;
+    let seed = table.get("train").and_then(|train| train.get("seed")?.as_integer());
+    let path = run.path().join("eval.json");
+    let eval: Option<Value> = match path.exists() {
+        true => Some(
+            serde_json::from_str(&read(&path)?)
+                .into_diagnostic()
+                .wrap_err_with(|| format!("{} is not JSON", path.display()))?,
+        ),
+        false => None,
+    };
+    let shown = run.path().display();
+    let mut commands = vec![format!("omniwalk train {} --run {shown}", run.config().display())];
+    commands.extend(eval.as_ref().map(|eval| evaluation(&shown.to_string(), eval)));
+    commands.push(format!("omniwalk report {shown}"));
+    let folder = run
+        .path()
+        .file_name()
+        .map_or(shown.to_string(), |name| name.to_string_lossy().into_owned());
+    Ok(About {
+        name: seed.map_or(folder.clone(), |seed| format!("{folder} (seed {seed})")),
+        config,
+        seed,
+        eval,
+        commands,
+    })
+}
+
+/// The command of an evaluation, from what it wrote.
+fn evaluation(run: &str, eval: &Value) -> String {
+    let mut command = format!("omniwalk eval {run}");
+    if let Some(engine) = eval.get("engine").and_then(Value::as_str) {
+        command += &format!(" --engine {engine}");
+    }
+    if let Some(seed) = eval.get("seed").and_then(Value::as_u64) {
+        command += &format!(" --seed {seed}");
+    }
+    if let Some(episodes) = eval.pointer("/forward/rows/0/episodes").and_then(Value::as_u64) {
+        command += &format!(" --episodes {episodes}");
+    }
+    if let Some(seconds) = eval.get("seconds").and_then(Value::as_f64) {
+        command += &format!(" --seconds {seconds}");
+    }
+    if eval.get("conditions").and_then(Value::as_str) == Some("nominal") {
+        command += " --nominal";
+    }
+    command
+}
+
+fn read(path: &Path) -> Result<String> {
+    let read = || {
+        let mut text = String::new();
+        fs::File::open(path)?.take(MAX_TEXT_BYTES).read_to_string(&mut text)?;
+        Ok::<_, std::io::Error>(text)
+    };
+    read()
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot read {}", path.display()))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomic(path, bytes)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+    println!("{}", path.display());
+    Ok(())
+}

@@ -1,0 +1,207 @@
+//! `gait.png`: how a rollout walks: contacts, sole heights, velocities, the joints of a leg and their phase plot.
+
+use omniwalk_env::robot::Robot;
+use plotters::style::RGBColor;
+
+use super::ReportError;
+use super::canvas::{Area, COLOURS, Canvas, GREY, INK, px, text, write};
+use super::motion::{CONTACT_HEIGHT, Frame, Motion, leg, pitch};
+use super::plot::{Line, Panel, short};
+
+/// Size of the picture, pixels.
+const SIZE: (u32, u32) = (1260, 1010);
+/// Heights of title, contacts, soles and velocities, pixels; the leg has the rest.
+const ROWS: [i32; 4] = [76, 120, 230, 250];
+/// Steps and joints are shown for this long, so that single steps can be seen, s.
+const WINDOW: f64 = 5.0;
+
+/// A measurement behind its mean.
+const PALE: RGBColor = RGBColor(174, 199, 220);
+
+/// Draws the gait of `motion`, an episode of `robot`.
+///
+/// # Errors
+/// [`ReportError::Draw`].
+pub fn draw(motion: &Motion, robot: &Robot) -> Result<Canvas, ReportError> {
+    let start = ((motion.seconds() - WINDOW) / 2.0).max(0.0);
+    let view = View {
+        motion,
+        robot,
+        start,
+        end: (start + WINDOW).min(motion.seconds()),
+    };
+    let mut canvas = Canvas::new(SIZE.0, SIZE.1);
+    canvas.draw(|area| {
+        let (head, rest) = area.split_vertically(px(ROWS[0]));
+        let (contacts, rest) = rest.split_vertically(px(ROWS[1]));
+        let (soles, rest) = rest.split_vertically(px(ROWS[2]));
+        let (velocities, joints) = rest.split_vertically(px(ROWS[3]));
+        view.head(&head)?;
+        view.contacts().draw(&contacts)?;
+        view.soles().draw(&soles)?;
+        for (axis, cell) in velocities.split_evenly((1, 3)).iter().enumerate() {
+            view.velocity(axis).draw(cell)?;
+        }
+        let (joints, phase) = joints.split_horizontally(px(SIZE.0 as i32 * 2 / 3));
+        let chain = leg(robot);
+        view.joints(&chain).draw(&joints)?;
+        match pitch(robot, &chain)[..] {
+            [hip, knee, ..] => view.phase(hip, knee).draw(&phase),
+            _ => Ok(()),
+        }
+    })?;
+    Ok(canvas)
+}
+
+struct View<'a> {
+    motion: &'a Motion,
+    robot: &'a Robot,
+    start: f64,
+    end: f64,
+}
+
+impl View<'_> {
+    fn head(&self, area: &Area<'_>) -> Result<(), ReportError> {
+        let [x, y, turn] = self.motion.at(self.motion.seconds() / 2.0).command;
+        let title = format!("Gait at the command ({x:.2} m/s, {y:.2} m/s, {turn:.2} rad/s)");
+        write(area, &title, &text(24, INK), (px(12), px(8)))?;
+        let mm = 1000.0 * CONTACT_HEIGHT;
+        let below = format!(
+            "forward kinematics of the measured joint positions; in contact: a sole's lowest corner is below {mm:.0} mm"
+        );
+        write(area, &below, &text(15, GREY), (px(12), px(46))).map(drop)
+    }
+
+    /// A strip a foot, the first one above.
+    fn contacts(&self) -> Panel<'static> {
+        let feet = self.robot.feet.len();
+        let mut panel = self.in_window("contact with the ground");
+        for foot in 0..feet {
+            let low = (feet - 1 - foot) as f64;
+            let stances = self.motion.stances(foot).into_iter();
+            let seen = stances.filter(|&(from, to)| to > self.start && from < self.end);
+            panel.blocks.extend(seen.map(|(from, to)| {
+                let corners = [(from.max(self.start), low + 0.15), (to.min(self.end), low + 0.85)];
+                (corners, COLOURS[foot % COLOURS.len()])
+            }));
+            panel.lines.push(line(&self.robot.feet[foot].name, foot, Vec::new()));
+        }
+        panel.y = Some(0.0..feet as f64);
+        panel.y_label = |_| String::new();
+        panel
+    }
+
+    fn soles(&self) -> Panel<'static> {
+        let mut panel = self.in_window("height of the lowest sole corner, mm");
+        for (foot, about) in self.robot.feet.iter().enumerate() {
+            let points = self.points(|frame| 1000.0 * frame.soles[foot]);
+            panel.lines.push(line(&about.name, foot, points));
+        }
+        let threshold = 1000.0 * CONTACT_HEIGHT;
+        panel.lines.push(Line {
+            name: "contact".to_owned(),
+            colour: GREY,
+            width: 2,
+            points: vec![(self.start, threshold), (self.end, threshold)],
+        });
+        panel
+    }
+
+    /// Command and measurement over the whole episode, as it is and as a mean over a gait cycle.
+    fn velocity(&self, axis: usize) -> Panel<'static> {
+        let frames = &self.motion.frames;
+        let all = |value: fn(&Frame) -> [f64; 3]| frames.iter().map(|f| (f.time, value(f)[axis])).collect::<Vec<_>>();
+        let raw = all(|frame| frame.velocity);
+        let (from, to) = self.motion.cycle(self.robot);
+        let mut measured = coloured("measured", PALE, raw.clone());
+        measured.width = 2;
+        Panel {
+            title: ["forward, m/s", "to the left, m/s", "turning, rad/s"][axis],
+            below: "time, s",
+            x: Some(0.0..self.motion.seconds()),
+            lines: vec![
+                measured,
+                line("mean of a cycle", 0, running_mean(&raw, to - from)),
+                coloured("command", INK, all(|frame| frame.command)),
+            ],
+            ..Panel::default()
+        }
+    }
+
+    fn joints(&self, leg: &[usize]) -> Panel<'static> {
+        let mut panel = self.in_window("leg, rad");
+        panel.below = "time, s";
+        for (i, &dof) in leg.iter().enumerate() {
+            let points = self.points(|frame| frame.positions[dof]);
+            panel.lines.push(line(&self.name(dof), i, points));
+        }
+        panel
+    }
+
+    /// The whole episode in the plane of two joints.
+    fn phase(&self, hip: usize, knee: usize) -> Panel<'static> {
+        let point = |frame: &Frame| (frame.positions[hip], frame.positions[knee]);
+        let points: Vec<_> = self.motion.frames.iter().map(point).collect();
+        let mut path = coloured("", COLOURS[0], points);
+        path.width = 1;
+        Panel {
+            title: "knee over hip pitch, rad",
+            below: "hip pitch, rad",
+            lines: vec![path],
+            x_label: short,
+            ..Panel::default()
+        }
+    }
+
+    fn in_window(&self, title: &'static str) -> Panel<'static> {
+        Panel {
+            title,
+            x: Some(self.start..self.end),
+            ..Panel::default()
+        }
+    }
+
+    /// A quantity in the window.
+    fn points(&self, value: impl Fn(&Frame) -> f64) -> Vec<(f64, f64)> {
+        let seen = |frame: &&Frame| (self.start..=self.end).contains(&frame.time);
+        let frames = self.motion.frames.iter().filter(seen);
+        frames.map(|frame| (frame.time, value(frame))).collect()
+    }
+
+    /// Name of a joint without the side of the foot it belongs to.
+    fn name(&self, dof: usize) -> String {
+        let name = &self.robot.dof(dof).name;
+        let side = self.robot.feet.first().map_or("", |foot| &foot.name);
+        let rest = name.strip_prefix(side).unwrap_or(name);
+        rest.trim_start_matches('_').replace('_', " ")
+    }
+}
+
+/// Mean of the points within half of `window` of each; only where the whole window holds points.
+fn running_mean(points: &[(f64, f64)], window: f64) -> Vec<(f64, f64)> {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+        return Vec::new();
+    };
+    let half = window / 2.0 + 1e-9;
+    let whole = |&&(t, _): &&(f64, f64)| t - half >= first.0 - 1e-6 && t + half <= last.0 + 1e-6;
+    let mean = |&(t, _): &(f64, f64)| {
+        let from = points.partition_point(|p| p.0 < t - half);
+        let to = points.partition_point(|p| p.0 <= t + half);
+        let sum: f64 = points[from..to].iter().map(|p| p.1).sum();
+        (t, sum / (to - from).max(1) as f64)
+    };
+    points.iter().filter(whole).map(mean).collect()
+}
+
+fn line(name: &str, index: usize, points: Vec<(f64, f64)>) -> Line {
+    coloured(name, COLOURS[index % COLOURS.len()], points)
+}
+
+fn coloured(name: &str, colour: RGBColor, points: Vec<(f64, f64)>) -> Line {
+    Line {
+        name: name.to_owned(),
+        colour,
+        width: 4,
+        points,
+    }
+}

@@ -1,0 +1,131 @@
+//! `report.html`: pictures, evaluation and configuration of runs as one file that needs no other.
+
+use std::fmt::Write as _;
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+use serde_json::Value;
+
+const STYLE: &str = "body{font:16px/1.5 sans-serif;max-width:80rem;margin:2rem auto;padding:0 1rem;color:#282c34}\
+    img{max-width:100%}table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid \
+    #ddd}pre{background:#f4f5f7;padding:1rem;overflow:auto}";
+
+/// Columns of the evaluation table: title and JSON pointer into a row.
+const COLUMNS: [(&str, &str); 13] = [
+    ("falls", "/falls"),
+    ("episodes", "/episodes"),
+    ("v x, m/s", "/velocity/0"),
+    ("v y, m/s", "/velocity/1"),
+    ("turning, rad/s", "/velocity/2"),
+    ("error, m/s", "/error_xy_mps"),
+    ("error, rad/s", "/error_yaw_radps"),
+    ("touchdowns, 1/s", "/gait/touchdowns_per_second"),
+    ("alternation", "/gait/alternation"),
+    ("air time, s", "/gait/air_time_s"),
+    ("clearance, m", "/gait/clearance_m"),
+    ("slip, m/s", "/gait/slip_mps"),
+    ("drift, m", "/drift_m"),
+];
+
+/// What the page says of a run.
+pub struct About {
+    /// Name in the pictures.
+    pub name: String,
+    /// The effective configuration.
+    pub config: String,
+    /// Seed of the training, if the configuration names one.
+    pub seed: Option<i64>,
+    /// `eval.json`, if the run was evaluated.
+    pub eval: Option<Value>,
+    /// Commands that make the run and its evaluation again.
+    pub commands: Vec<String>,
+}
+
+/// The page with `pictures`, each with its title as PNG, about `runs`, made by version `version` of the program.
+pub fn page(pictures: &[(&str, Vec<u8>)], runs: &[About], version: &str) -> String {
+    let mut out =
+        "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>omniwalk report</title>\n".to_owned();
+    let _ = writeln!(
+        out,
+        "<style>{STYLE}</style>\n<h1>omniwalk report</h1>\n<p>omniwalk {}</p>",
+        escaped(version)
+    );
+    for (title, png) in pictures {
+        let data = BASE64_STANDARD.encode(png);
+        let _ = writeln!(
+            out,
+            "<p><img alt=\"{0}\" src=\"data:image/png;base64,{data}\"></p>",
+            escaped(title)
+        );
+    }
+    runs.iter().for_each(|run| about(run, &mut out));
+    out + "</html>\n"
+}
+
+fn about(run: &About, out: &mut String) {
+    let _ = writeln!(out, "<h2>{}</h2>", escaped(&run.name));
+    if let Some(seed) = run.seed {
+        let _ = writeln!(out, "<p>seed {seed}</p>");
+    }
+    match &run.eval {
+        Some(eval) => table(eval, out),
+        None => *out += "<p>not evaluated yet</p>\n",
+    }
+    let _ = writeln!(
+        out,
+        "<h3>Commands</h3>\n<pre>{}</pre>",
+        escaped(&run.commands.join("\n"))
+    );
+    let _ = writeln!(out, "<h3>Configuration</h3>\n<pre>{}</pre>", escaped(&run.config));
+}
+
+/// A table a suite: every member of the evaluation that has rows.
+fn table(eval: &Value, out: &mut String) {
+    let said = ["steps", "engine", "robot", "conditions", "seed"]
+        .iter()
+        .filter_map(|key| eval.get(*key).map(|value| format!("{key} {}", cell(value))));
+    let _ = writeln!(
+        out,
+        "<h3>Evaluation</h3>\n<p>{}</p>",
+        escaped(&said.collect::<Vec<_>>().join(", "))
+    );
+    for (suite, results) in eval.as_object().into_iter().flatten() {
+        let Some(rows) = results.get("rows").and_then(Value::as_array) else {
+            continue;
+        };
+        let _ = write!(out, "<h4>{}</h4>\n<table><tr><th>command</th>", escaped(suite));
+        COLUMNS
+            .iter()
+            .for_each(|(title, _)| *out += &format!("<th>{title}</th>"));
+        *out += "</tr>\n";
+        for row in rows {
+            let command = row.get("command").and_then(Value::as_array);
+            let command: Vec<String> = command.into_iter().flatten().map(cell).collect();
+            let _ = write!(out, "<tr><td>{}</td>", escaped(&command.join(", ")));
+            for (_, pointer) in COLUMNS {
+                let _ = write!(
+                    out,
+                    "<td>{}</td>",
+                    escaped(&row.pointer(pointer).map_or(String::new(), cell))
+                );
+            }
+            *out += "</tr>\n";
+        }
+        *out += "</table>\n";
+    }
+}
+
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Number(number) if number.is_f64() => format!("{:.3}", number.as_f64().unwrap_or(f64::NAN)),
+        Value::String(text) => text.clone(),
+        Value::Null => String::new(),
+        other => other.to_string(),
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

@@ -1,0 +1,39 @@
+//! Pictures of runs and the page that holds them: learning curves, the gait of a rollout, a filmstrip of it.
+//!
+//! Pictures are drawn in memory at twice their size and averaged down, which smooths every edge alike, with a font that
+//! is compiled in: the same files give the same bytes on every machine, with fonts installed or without.
+
+pub mod canvas;
+pub mod curves;
+pub mod film;
+pub mod gait;
+pub mod html;
+pub mod learning;
+pub mod motion;
+pub mod plot;
+pub mod ray;
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Why a picture cannot be made.
+#[derive(Debug, Error, Diagnostic)]
+pub enum ReportError {
+    /// Drawing or encoding failed.
+    #[error("cannot draw: {0}")]
+    Draw(String),
+    /// A rollout is not one of this robot, or holds nothing that can be drawn.
+    #[error("{}: {why}", .path.display())]
+    Rollout {
+        /// The log.
+        path: std::path::PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+}
+
+impl ReportError {
+    fn draw(error: impl std::fmt::Display) -> Self {
+        Self::Draw(error.to_string())
+    }
+}

@@ -1,0 +1,159 @@
+//! `omniwalk report` as a user meets it.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use omniwalk::log::messages::{JointState, Odometry, Twist};
+use omniwalk::log::{LogWriter, Message};
+use omniwalk::run::RunFolder;
+use omniwalk::run::metrics::MetricsWriter;
+
+/// Exit code, stdout and stderr of `omniwalk report ARGUMENTS`.
+fn report(arguments: &[&Path]) -> (i32, String, String) {
+    let output = Command::cargo_bin("omniwalk")
+        .unwrap()
+        .arg("report")
+        .args(arguments)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// A run that has learned for a while, without evaluation.
+fn learning(folder: &Path, seed: u64) {
+    let run = RunFolder::create(folder, &format!("[train]\nseed = {seed}\n# <b>\n")).unwrap();
+    let columns = ["reward/total", "reward/slip", "curriculum/level", "ppo/learning_rate"];
+    let mut metrics = MetricsWriter::create(&run.metrics(), &columns).unwrap();
+    for update in 1..50u64 {
+        let x = update as f64;
+        metrics
+            .append(3200 * update, &[x.sqrt() * seed as f64, 0.0, x / 50.0, 1e-3 / x])
+            .unwrap();
+    }
+}
+
+/// Adds a robot and a rollout in which it walks at 0.4 m/s with a cycle of 0.8 s.
+fn walking(folder: &Path) {
+    let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/nimbro_op2x");
+    fs::create_dir_all(folder.join("robot")).unwrap();
+    for name in ["nimbro_op2x.urdf", "robot.toml"] {
+        fs::copy(robot.join(name), folder.join("robot").join(name)).unwrap();
+    }
+    let height = omniwalk_env::robot::load(&robot).unwrap().base_pose.translation.z;
+    fs::create_dir_all(folder.join("rollouts")).unwrap();
+    let mut log = LogWriter::create(&folder.join("rollouts/walk.mcap")).unwrap();
+    for step in 0..120u64 {
+        let time = step as f64 * 0.025;
+        let lift = |phase: f64| (std::f64::consts::TAU * (time / 0.8 + phase)).sin().max(0.0);
+        let mut joints = JointState::default();
+        for (side, phase) in [("left", 0.0), ("right", 0.5)] {
+            joints
+                .name
+                .extend([format!("{side}_hip_pitch"), format!("{side}_knee_pitch")]);
+            joints.position.extend([-0.6 * lift(phase), 0.6 * lift(phase)]);
+        }
+        let mut command = Twist::default();
+        command.linear.x = 0.4;
+        let mut odometry = Odometry::default();
+        odometry.pose.pose.position.x = 0.4 * time;
+        odometry.pose.pose.position.z = height;
+        odometry.pose.pose.orientation.w = 1.0;
+        odometry.twist.twist.linear.x = 0.4;
+        for message in [
+            Message::JointStates(joints),
+            Message::CmdVel(command),
+            Message::Odom(Box::new(odometry)),
+        ] {
+            log.write(step * 25_000_000, &message).unwrap();
+        }
+    }
+    log.finish().unwrap();
+}
+
+/// Width, height and number of distinct colours of a picture.
+fn picture(path: &Path) -> (u32, u32, usize) {
+    let bytes = fs::read(path).unwrap();
+    assert!(bytes.len() < 300_000, "{} has {} bytes", path.display(), bytes.len());
+    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    let colours: BTreeSet<&[u8]> = pixels.chunks_exact(3).collect();
+    (info.width, info.height, colours.len())
+}
+
+#[test]
+fn a_run_with_a_rollout_gives_the_same_pictures_every_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    learning(&run, 7);
+    walking(&run);
+    fs::write(run.join("rollouts/unfinished.mcap"), b"\x89MCAP0\r\n").unwrap();
+    let eval = r#"{"engine": "rapier", "forward": {"rows": [{"command": [0.4, 0.0, 0.0], "falls": 3}]}}"#;
+    fs::write(run.join("eval.json"), eval).unwrap();
+    let other = folder.path().join("other");
+    for out in [&run, &other] {
+        let (code, _, err) = report(&[&run, Path::new("--out"), out]);
+        assert_eq!(code, 0, "{err}");
+        assert!(err.contains("left out") && err.contains("unfinished.mcap"), "{err}");
+    }
+    for name in ["learning.png", "gait.png", "filmstrip.png", "report.html"] {
+        assert!(
+            fs::read(run.join(name)).unwrap() == fs::read(other.join(name)).unwrap(),
+            "{name}"
+        );
+    }
+    // Three quantities are not zero everywhere: a row of panels.
+    assert_eq!(picture(&run.join("learning.png")).1, 76 + 190);
+    for name in ["learning.png", "gait.png", "filmstrip.png"] {
+        let (width, _, colours) = picture(&run.join(name));
+        assert!(
+            width == 1260 && colours > 100,
+            "{name}: {width} wide, {colours} colours"
+        );
+    }
+    let html = fs::read_to_string(run.join("report.html")).unwrap();
+    for part in [
+        "seed 7",
+        "# &lt;b&gt;",
+        "<td>0.400, 0.000, 0.000</td><td>3</td>",
+        "omniwalk eval",
+    ] {
+        assert!(html.contains(part), "{part}");
+    }
+    assert_eq!(html.matches("data:image/png;base64,iVBOR").count(), 3);
+}
+
+#[test]
+fn runs_without_rollouts_are_drawn_over_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let [a, b, out] = ["a", "b", "out"].map(|name| folder.path().join(name));
+    learning(&a, 1);
+    learning(&b, 2);
+    let (code, _, err) = report(&[&a, &b, Path::new("--out"), &out]);
+    assert_eq!((code, err.as_str()), (0, ""));
+    let mut names: Vec<_> = fs::read_dir(&out)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["learning.png", "report.html"]);
+    let html = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(html.contains("a (seed 1)") && html.contains("b (seed 2)") && html.contains("not evaluated yet"));
+}
+
+#[test]
+fn what_is_no_run_is_refused_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let young = folder.path().join("young");
+    RunFolder::create(&young, "[train]\nseed = 1\n").unwrap();
+    for (path, part) in [(folder.path(), "no config.toml in it"), (&young, "no metrics yet")] {
+        let (code, _, err) = report(&[path, Path::new("--out"), &out]);
+        let err = err.replace('│', " ").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(code == 2 && err.contains(part), "{err}");
+        assert!(!out.exists());
+    }
+}
