@@ -104,7 +104,7 @@ impl Scene {
         let up = toward.cross(&right);
         let sample = height / f64::from(CELL.1 * OVERSAMPLING);
         let base = frame.base.translation.vector;
-        let middle = Point3::new(base.x, base.y, 0.0) + forward * 0.07 + Vector3::z() * (height / 2.0 - 0.14);
+        let middle = Point3::new(base.x, base.y, 0.0) + forward * 0.085 + Vector3::z() * (height / 2.0 - 0.14);
         let (w, h) = (f64::from(CELL.0 * OVERSAMPLING), f64::from(CELL.1 * OVERSAMPLING));
         Self {
             solids: solids(robot, frame),
