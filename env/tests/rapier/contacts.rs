@@ -90,6 +90,45 @@ fn torsional_friction_stops_a_spinning_box_at_its_rate() {
     assert!(engine.base(0).angular_velocity.z.abs() < 1e-3);
 }
 
+/// A torque about the vertical on a box without tangential friction: below the limit the box holds within the spring
+/// that sticking is (5 dt^2 torque / I), above it turns with what is left, (torque - limit) / I.
+#[test]
+fn torsional_friction_holds_a_torque_below_its_limit_and_no_more() {
+    let robot = sled();
+    let (torsional, inertia) = (0.1, robot.links[0].inertial.inertia[(2, 2)]);
+    let limit = torsional * robot.mass() * G;
+    for dt in [1e-3, 5e-3] {
+        let turned = |torque: f64, seconds: f64| {
+            let mut model = nominal(&robot);
+            model.friction.tangential = 0.0;
+            model.friction.torsional = torsional;
+            model.links[1].inertia *= 1e9;
+            let mut engine = single(&robot, dt, &rest(&robot), &model);
+            let mut drive = Drive::idle(1, 1);
+            run(&mut engine, &drive, dt, 0.5);
+            drive.feed_forward[0] = -torque;
+            (drive.torque_min[0], drive.torque_max[0]) = (-torque, torque);
+            run(&mut engine, &drive, dt, seconds);
+            (
+                engine.base(0).orientation.scaled_axis().z,
+                engine.base(0).angular_velocity.z,
+            )
+        };
+        let (angle, speed) = turned(0.5 * limit, 1.0);
+        let spring = 5.0 * dt * dt * 0.5 * limit / inertia;
+        assert!(
+            (angle - spring).abs() < 0.1 * spring && speed.abs() < 1e-6,
+            "{angle} rad, {speed} rad/s at {dt} s"
+        );
+        let (_, speed) = turned(1.5 * limit, 0.2);
+        let exact = 0.5 * limit / inertia * 0.2;
+        assert!(
+            (speed - exact).abs() < 0.05 * exact,
+            "{speed} rad/s, exact {exact} at {dt} s"
+        );
+    }
+}
+
 /// A ball rolling without slip: (I + m r^2) dw = -rolling m g dt.
 #[test]
 fn rolling_friction_slows_a_rolling_ball_at_its_rate() {

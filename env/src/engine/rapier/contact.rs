@@ -2,9 +2,11 @@
 //!
 //! Where a link presses on the ground with a normal force N, torsional friction is a torque about the normal of
 //! at most `torsional * N`, rolling friction one about the tangents of at most `rolling * N`, against the link's
-//! angular velocity (thesis 7.4). N is that of the last step. Neither may turn the rotation round within a step:
-//! a torque on a link changes its angular velocity by at most what it would change the free link's, so
-//! `|w| / (dt n' I^-1 n)` with the link's own inertia is a safe bound.
+//! rotation (thesis 7.4). N is that of the last step. Below the limit the sole sticks: a spring and damper hold it where
+//! it came to rest, as stiff as an explicit torque can be, with the inertia I that the link feels in the whole
+//! robot: stiffness `I / (5 dt^2)`, damping `I / (2 dt)`. At the limit the resting place slides along. A bound by the
+//! link's own inertia would be ten times softer: soles then creep round under the hip's torque and a policy that
+//! turns its feet on the ground in one engine falls in the other.
 
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
@@ -34,28 +36,55 @@ pub(super) fn ground_force(state: &State, toucher: &Toucher, dt: f64) -> GroundF
     GroundForce(convert::from_vector(impulse) / dt)
 }
 
-/// Torque of torsional and rolling friction on a body turning with `angular_velocity`, world frame, N m.
-pub(super) fn spin_friction(
-    body: &RigidBody,
-    angular_velocity: &Vector3<f64>,
-    friction: &Friction,
-    force: &GroundForce,
-    dt: f64,
-) -> Vector3<f64> {
-    let normal_force = force.0.z.max(0.0);
-    let spin = Vector3::z() * angular_velocity.z;
-    let roll = angular_velocity - spin;
-    brake(body, &spin, friction.torsional * normal_force, dt) + brake(body, &roll, friction.rolling * normal_force, dt)
-}
+/// Rotation of a sticking link away from where it came to rest, world axes, rad.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Stick(Vector3<f64>);
 
-/// A torque of at most `limit` against `velocity` that does not reverse it within `dt`.
-fn brake(body: &RigidBody, velocity: &Vector3<f64>, limit: f64, dt: f64) -> Vector3<f64> {
-    let speed = velocity.norm();
-    if speed == 0.0 || limit == 0.0 {
-        return Vector3::zeros();
+/// Shares of `I / dt^2` and `I / dt` that stiffness and damping of a sticking contact take. An explicit
+/// spring-damper is stable while `stiffness dt^2 / I + 2 damping dt / I < 4`.
+const STIFFNESS: f64 = 0.2;
+const DAMPING: f64 = 0.5;
+
+impl Stick {
+    /// Torque of torsional and rolling friction on a link that turns with `angular_velocity` and feels `inertia`, world
+    /// axes, N m.
+    pub(super) fn torque(
+        &mut self,
+        angular_velocity: &Vector3<f64>,
+        inertia: &Vector3<f64>,
+        friction: &Friction,
+        force: &GroundForce,
+        dt: f64,
+    ) -> Vector3<f64> {
+        let normal_force = force.0.z.max(0.0);
+        if normal_force == 0.0 {
+            self.0 = Vector3::zeros();
+            return Vector3::zeros();
+        }
+        self.0 += angular_velocity * dt;
+        let roll = Vector3::new(1.0, 1.0, 0.0);
+        // Rolling is isotropic: both axes feel the inertia of the more mobile one.
+        let parts = [
+            (Vector3::z(), inertia.z, friction.torsional),
+            (roll, inertia.x.min(inertia.y), friction.rolling),
+        ];
+        let mut total = Vector3::zeros();
+        for (mask, inertia, coefficient) in parts {
+            let (stiffness, damping) = (STIFFNESS * inertia / (dt * dt), DAMPING * inertia / dt);
+            let (angle, velocity) = (self.0.component_mul(&mask), angular_velocity.component_mul(&mask));
+            let wanted = -(stiffness * angle + damping * velocity);
+            let limit = coefficient * normal_force;
+            if wanted.norm() <= limit {
+                total += wanted;
+                continue;
+            }
+            let torque = wanted * (limit / wanted.norm());
+            total += torque;
+            // Where the spring would have to rest to give just this torque.
+            let rest = -(torque + damping * velocity) / stiffness;
+            let reach = limit / stiffness;
+            self.0 += rest.cap_magnitude(reach) - angle;
+        }
+        total
     }
-    let axis = velocity / speed;
-    let inverse = body.mass_properties().effective_world_inv_inertia;
-    let response = axis.dot(&convert::from_vector(inverse * convert::vector(&axis)));
-    axis * -limit.min(speed / (dt * response))
 }

@@ -1,14 +1,21 @@
-//! The inertia each degree of freedom feels, with everything else free.
+//! The inertia each degree of freedom and each touching link feels, with everything else free.
 
-use nalgebra::{DMatrix, DVector, Dyn, Matrix3, OMatrix, U6};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix3, OMatrix, U6, Vector3};
 use rapier3d_f64::prelude::*;
 
 use super::scene::{Freedom, Scene, State};
 
-/// Effective inertia of every degree of freedom in the present pose, kg m^2 or kg: `1 / (M^-1)_dd`, where M is
-/// the mass matrix, armature included, over the base's velocities and the degrees of freedom with their mimic
-/// joints tied to them.
-pub(super) fn effective(scene: &Scene, state: &State) -> Vec<f64> {
+/// Effective inertias in one pose: `1 / (J M^-1 J')` for the row J of a velocity, where M is the mass matrix, armature
+/// included, over the base's velocities and the degrees of freedom with their mimic joints tied to them.
+pub(super) struct Effective {
+    /// Of every degree of freedom, kg m^2 or kg.
+    pub freedoms: Vec<f64>,
+    /// Of turning each toucher's link about the world's x, y and z axis, kg m^2.
+    pub touchers: Vec<Vector3<f64>>,
+}
+
+/// Effective inertias in the present pose; zero where the mass matrix is singular.
+pub(super) fn effective(scene: &Scene, state: &State) -> Effective {
     let multibody = &state.multibodies.get_multibody(scene.multibody).expect("multibody");
     let base = if scene.floating() { 6 } else { 0 };
     let ties = ties(&scene.freedoms, base, multibody.ndofs());
@@ -22,14 +29,34 @@ pub(super) fn effective(scene: &Scene, state: &State) -> Vec<f64> {
         mass += angular.transpose() * inertia * angular;
     }
     let Some(factor) = mass.cholesky() else {
-        return vec![0.0; scene.freedoms.len()];
+        return Effective {
+            freedoms: vec![0.0; scene.freedoms.len()],
+            touchers: vec![Vector3::zeros(); scene.touchers.len()],
+        };
     };
-    let inverse_diagonal = |d: usize| {
-        let mut unit = DVector::zeros(base + scene.freedoms.len());
-        unit[base + d] = 1.0;
-        factor.solve(&unit)[base + d]
+    let felt = |row: DVector<f64>| {
+        let mobility = row.dot(&factor.solve(&row));
+        // A fixed link has no mobility and needs no friction.
+        if mobility > 0.0 { mobility.recip() } else { 0.0 }
     };
-    (0..scene.freedoms.len()).map(|d| inverse_diagonal(d).recip()).collect()
+    let unit = |d: usize| {
+        DVector::from_fn(
+            base + scene.freedoms.len(),
+            |i, _| if i == base + d { 1.0 } else { 0.0 },
+        )
+    };
+    let turn = |link: usize, axis: usize| {
+        let jacobian: OMatrix<f64, U6, Dyn> = multibody.body_jacobian(link) * &ties;
+        felt(jacobian.row(3 + axis).transpose())
+    };
+    Effective {
+        freedoms: (0..scene.freedoms.len()).map(|d| felt(unit(d))).collect(),
+        touchers: scene
+            .touchers
+            .iter()
+            .map(|toucher| Vector3::from_fn(|axis, _| turn(toucher.link, axis)))
+            .collect(),
+    }
 }
 
 /// Generalized velocities of the multibody from those of the base and the degrees of freedom.

@@ -3,14 +3,14 @@
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::contact::GroundForce;
+use super::contact::{GroundForce, Stick};
 use super::drive::Memory;
 use super::lane::{JointNow, Lane};
 use super::scene::{Scene, State};
 use crate::engine::Friction;
 
 /// First bytes of a saved world; the digit counts changes of the format.
-const MAGIC: &[u8; 12] = b"omni.rapier1";
+const MAGIC: &[u8; 12] = b"omni.rapier2";
 
 #[derive(Serialize, Deserialize)]
 struct Episode {
@@ -22,6 +22,8 @@ struct Episode {
     memory: Vec<Memory>,
     joints: Vec<JointNow>,
     forces: Vec<GroundForce>,
+    sticks: Vec<Stick>,
+    inertias: Vec<Vector3<f64>>,
     alive: bool,
 }
 
@@ -35,6 +37,8 @@ pub(super) fn save(lane: &Lane, scene: &Scene, bytes: &mut Vec<u8>) {
         memory: lane.memory.clone(),
         joints: lane.joints.clone(),
         forces: lane.forces.clone(),
+        sticks: lane.sticks.clone(),
+        inertias: lane.inertias.clone(),
         alive: lane.alive,
     };
     let body = postcard::to_stdvec(&(episode, &lane.state)).expect("writing to memory does not fail");
@@ -51,6 +55,8 @@ pub(super) fn load(lane: &mut Lane, scene: &Scene, bytes: &[u8]) -> Result<(), S
     let same_shape = episode.memory.len() == scene.freedoms.len()
         && episode.joints.len() == scene.freedoms.len()
         && episode.forces.len() == scene.touchers.len()
+        && episode.sticks.len() == scene.touchers.len()
+        && episode.inertias.len() == scene.touchers.len()
         && state.bodies.len() == scene.bodies.len()
         && state.colliders.len() == scene.template.colliders.len()
         && velocities(&state, scene) == velocities(&scene.template, scene);
@@ -67,6 +73,8 @@ pub(super) fn load(lane: &mut Lane, scene: &Scene, bytes: &[u8]) -> Result<(), S
     lane.memory = episode.memory;
     lane.joints = episode.joints;
     lane.forces = episode.forces;
+    lane.sticks = episode.sticks;
+    lane.inertias = episode.inertias;
     lane.alive = episode.alive;
     lane.restore(state);
     Ok(())
