@@ -23,9 +23,6 @@ pub enum EngineError {
         /// The step, s.
         dt: f64,
     },
-    /// A SIMD level this processor does not have.
-    #[error("engine.simd: {0}")]
-    Unavailable(String),
     /// A robot that is a single rigid link.
     #[error("robot {robot:?} has no moving joint; an engine needs at least one")]
     NoJoints {
@@ -207,13 +204,12 @@ pub fn build(robot: &Robot, config: &EnvConfig, worlds: usize) -> Result<Box<dyn
     let dt = config.physics_dt();
     match config.engine.kind {
         EngineKind::Rapier => Ok(Box::new(rapier::Rapier::new(robot, dt, worlds)?)),
-        EngineKind::Lanes => {
-            let level = config.engine.simd.level();
-            let lanes = lanes::Lanes::new(robot, dt, worlds, level);
-            Ok(Box::new(
-                lanes.map_err(|error| EngineError::Unavailable(error.to_string()))?,
-            ))
-        }
+        EngineKind::Lanes => Ok(Box::new(lanes::Lanes::new(
+            robot,
+            dt,
+            worlds,
+            config.engine.simd.level(),
+        )?)),
     }
 }
 

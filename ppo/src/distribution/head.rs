@@ -16,6 +16,11 @@ pub(crate) struct Samples<'a> {
     pub references: &'a [[f64; 3]],
 }
 
+/// Beyond this ratio a sample with a negative advantage teaches nothing more (dual clip, Ye et al. 2020). The clipped
+/// surrogate leaves such ratios unbounded, and mirror images, which the policy may find very unlikely, reach thousands:
+/// one of them then outweighs a minibatch.
+const RUNAWAY: f64 = 3.0;
+
 /// Constants of the loss.
 #[derive(Clone, Copy)]
 pub(crate) struct LossCoefficients {
@@ -160,8 +165,9 @@ pub(crate) fn loss(
         let ratio = (log_probability - samples.log_probabilities[row]).exp();
         let bounded = ratio.clamp(1.0 - coefficients.clip, 1.0 + coefficients.clip);
         // The gradient passes where the unclipped term is the smaller one.
-        let active = ratio * advantage <= bounded * advantage;
-        sums.policy_loss -= (ratio * advantage).min(bounded * advantage);
+        let runaway = advantage < 0.0 && ratio > RUNAWAY;
+        let active = ratio * advantage <= bounded * advantage && !runaway;
+        sums.policy_loss -= (ratio.min(RUNAWAY) * advantage).min(bounded * advantage);
         sums.entropy += scratch.entropy[0][of.clone()].iter().sum::<f64>();
         sums.kl += scratch.kl[of.clone()].iter().sum::<f64>();
         sums.clipped += f64::from(u8::from(bounded != ratio));
