@@ -120,12 +120,11 @@ fn torsional_friction_holds_a_torque_below_its_limit_and_no_more() {
             (angle - spring).abs() < 0.1 * spring && speed.abs() < 1e-6,
             "{angle} rad, {speed} rad/s at {dt} s"
         );
+        // Friction answers a step late: by then the whole torque has acted once.
         let (_, speed) = turned(1.5 * limit, 0.2);
         let exact = 0.5 * limit / inertia * 0.2;
-        assert!(
-            (speed - exact).abs() < 0.05 * exact,
-            "{speed} rad/s, exact {exact} at {dt} s"
-        );
+        let late = 1.5 * limit / inertia * dt;
+        assert!((speed - exact).abs() < late, "{speed} rad/s, exact {exact} at {dt} s");
     }
 }
 
