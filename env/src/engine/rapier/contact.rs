@@ -2,11 +2,17 @@
 //!
 //! Where a link presses on the ground with a normal force N, torsional friction is a torque about the normal of
 //! at most `torsional * N`, rolling friction one about the tangents of at most `rolling * N`, against the link's
-//! rotation (thesis 7.4). N is that of the last step. Below the limit the sole sticks: a spring and damper hold it where
-//! it came to rest, as stiff as an explicit torque can be, with the inertia I that the link feels in the whole
-//! robot: stiffness `I / (5 dt^2)`, damping `I / (2 dt)`. At the limit the resting place slides along. A bound by the
-//! link's own inertia would be ten times softer: soles then creep round under the hip's torque and a policy that
-//! turns its feet on the ground in one engine falls in the other.
+//! rotation (thesis 7.4). N is that of the last step. Unlike MuJoCo's elliptic cone and the engine `lanes`, each torque
+//! has a clamp of its own, not one cone shared with the tangential force, and is one for the whole link, not a sum over
+//! points.
+//!
+//! - **Torsion** sticks below its limit: a spring and damper hold the sole where it came to rest, as stiff as an explicit
+//!   torque can be, with the inertia I that the link feels in the whole robot: stiffness `I / (5 dt^2)`, damping
+//!   `I / (2 dt)`. At the limit the resting place slides along. A bound by the link's own inertia is ten times softer: soles
+//!   creep round under the hip's torque, and policies from `lanes` fall.
+//! - **Rolling** is a brake that may stop the free link's rotation within a step but not turn it round. A spring here
+//!   would hold a sole tilted as it touched down: near-rigid impacts make N, and with it the limit, ten times the
+//!   weight for a step.
 
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
@@ -36,9 +42,9 @@ pub(super) fn ground_force(state: &State, toucher: &Toucher, dt: f64) -> GroundF
     GroundForce(convert::from_vector(impulse) / dt)
 }
 
-/// Rotation of a sticking link away from where it came to rest, world axes, rad.
+/// Rotation of a sticking link about the vertical away from where it came to rest, rad.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Stick(Vector3<f64>);
+pub(super) struct Stick(f64);
 
 /// Shares of `I / dt^2` and `I / dt` that stiffness and damping of a sticking contact take. An explicit
 /// spring-damper is stable while `stiffness dt^2 / I + 2 damping dt / I < 4`.
@@ -46,45 +52,51 @@ const STIFFNESS: f64 = 0.2;
 const DAMPING: f64 = 0.5;
 
 impl Stick {
-    /// Torque of torsional and rolling friction on a link that turns with `angular_velocity` and feels `inertia`, world
-    /// axes, N m.
+    /// Torque of torsional and rolling friction on a link that turns with `angular_velocity` and feels `inertia` (kg m^2)
+    /// about the vertical, world axes, N m.
     pub(super) fn torque(
         &mut self,
+        body: &RigidBody,
         angular_velocity: &Vector3<f64>,
-        inertia: &Vector3<f64>,
+        inertia: f64,
         friction: &Friction,
         force: &GroundForce,
         dt: f64,
     ) -> Vector3<f64> {
         let normal_force = force.0.z.max(0.0);
         if normal_force == 0.0 {
-            self.0 = Vector3::zeros();
+            self.0 = 0.0;
             return Vector3::zeros();
         }
-        self.0 += angular_velocity * dt;
-        let roll = Vector3::new(1.0, 1.0, 0.0);
-        // Rolling is isotropic: both axes feel the inertia of the more mobile one.
-        let parts = [
-            (Vector3::z(), inertia.z, friction.torsional),
-            (roll, inertia.x.min(inertia.y), friction.rolling),
-        ];
-        let mut total = Vector3::zeros();
-        for (mask, inertia, coefficient) in parts {
-            let (stiffness, damping) = (STIFFNESS * inertia / (dt * dt), DAMPING * inertia / dt);
-            let (angle, velocity) = (self.0.component_mul(&mask), angular_velocity.component_mul(&mask));
-            let wanted = -(stiffness * angle + damping * velocity);
-            let limit = coefficient * normal_force;
-            if wanted.norm() <= limit {
-                total += wanted;
-                continue;
-            }
-            let torque = wanted * (limit / wanted.norm());
-            total += torque;
+        let (spin, roll) = (
+            angular_velocity.z,
+            Vector3::new(angular_velocity.x, angular_velocity.y, 0.0),
+        );
+        let mut torque = brake(body, &roll, friction.rolling * normal_force, dt);
+        self.0 += spin * dt;
+        let (stiffness, damping) = (STIFFNESS * inertia / (dt * dt), DAMPING * inertia / dt);
+        let (wanted, limit) = (
+            -(stiffness * self.0 + damping * spin),
+            friction.torsional * normal_force,
+        );
+        torque.z = wanted.clamp(-limit, limit);
+        if wanted.abs() > limit {
             // Where the spring would have to rest to give just this torque.
-            let rest = -(torque + damping * velocity) / stiffness;
             let reach = limit / stiffness;
-            self.0 += rest.cap_magnitude(reach) - angle;
+            self.0 = (-(torque.z + damping * spin) / stiffness).clamp(-reach, reach);
         }
-        total
+        torque
     }
+}
+
+/// A torque of at most `limit` against `velocity` that does not reverse the free body's rotation within `dt`.
+fn brake(body: &RigidBody, velocity: &Vector3<f64>, limit: f64, dt: f64) -> Vector3<f64> {
+    let speed = velocity.norm();
+    if speed == 0.0 || limit == 0.0 {
+        return Vector3::zeros();
+    }
+    let axis = velocity / speed;
+    let inverse = body.mass_properties().effective_world_inv_inertia;
+    let response = axis.dot(&convert::from_vector(inverse * convert::vector(&axis)));
+    axis * -limit.min(speed / (dt * response))
 }

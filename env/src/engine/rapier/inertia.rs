@@ -1,6 +1,6 @@
 //! The inertia each degree of freedom and each touching link feels, with everything else free.
 
-use nalgebra::{DMatrix, DVector, Dyn, Matrix3, OMatrix, U6, Vector3};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix3, OMatrix, U6};
 use rapier3d_f64::prelude::*;
 
 use super::scene::{Freedom, Scene, State};
@@ -10,8 +10,8 @@ use super::scene::{Freedom, Scene, State};
 pub(super) struct Effective {
     /// Of every degree of freedom, kg m^2 or kg.
     pub freedoms: Vec<f64>,
-    /// Of turning each toucher's link about the world's x, y and z axis, kg m^2.
-    pub touchers: Vec<Vector3<f64>>,
+    /// Of turning each toucher's link about the vertical, kg m^2.
+    pub touchers: Vec<f64>,
 }
 
 /// Effective inertias in the present pose; zero where the mass matrix is singular.
@@ -31,7 +31,7 @@ pub(super) fn effective(scene: &Scene, state: &State) -> Effective {
     let Some(factor) = mass.cholesky() else {
         return Effective {
             freedoms: vec![0.0; scene.freedoms.len()],
-            touchers: vec![Vector3::zeros(); scene.touchers.len()],
+            touchers: vec![0.0; scene.touchers.len()],
         };
     };
     let felt = |row: DVector<f64>| {
@@ -45,17 +45,13 @@ pub(super) fn effective(scene: &Scene, state: &State) -> Effective {
             |i, _| if i == base + d { 1.0 } else { 0.0 },
         )
     };
-    let turn = |link: usize, axis: usize| {
+    let turn = |link: usize| {
         let jacobian: OMatrix<f64, U6, Dyn> = multibody.body_jacobian(link) * &ties;
-        felt(jacobian.row(3 + axis).transpose())
+        felt(jacobian.row(5).transpose())
     };
     Effective {
         freedoms: (0..scene.freedoms.len()).map(|d| felt(unit(d))).collect(),
-        touchers: scene
-            .touchers
-            .iter()
-            .map(|toucher| Vector3::from_fn(|axis, _| turn(toucher.link, axis)))
-            .collect(),
+        touchers: scene.touchers.iter().map(|toucher| turn(toucher.link)).collect(),
     }
 }
 

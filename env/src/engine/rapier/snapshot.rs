@@ -23,7 +23,7 @@ struct Episode {
     joints: Vec<JointNow>,
     forces: Vec<GroundForce>,
     sticks: Vec<Stick>,
-    inertias: Vec<Vector3<f64>>,
+    inertias: Vec<f64>,
     alive: bool,
 }
 
