@@ -1,12 +1,20 @@
 #!/bin/sh
-# Trains the three seeds of configs/forward.toml, judges them in rapier and draws them. What is committed here are the small
-# files: metrics, configuration, evaluation, pictures.
+# Trains the three seeds of configs/forward.toml, judges them in rapier and draws them; what is committed beside this script are
+# the small files: every twentieth row of the metrics, configuration, evaluation, pictures.
+# Usage: runs/forward/make.sh [FOLDER], after cargo build --release.
 set -eu
 cd "$(dirname "$0")/../.."
 omniwalk="${OMNIWALK:-target/release/omniwalk}"
-out="${1:-/tmp/omniwalk-forward}"
+out="${1:-target/forward}"
+here=runs/forward
 for seed in 1 2 3; do
-    "$omniwalk" train configs/forward.toml --seed "$seed" --run "$out/seed-$seed"
-    "$omniwalk" eval "$out/seed-$seed" | tee "$out/seed-$seed/eval.txt"
+    run="$out/seed-$seed"
+    [ -d "$run" ] || "$omniwalk" train configs/forward.toml --seed "$seed" --run "$run"
+    "$omniwalk" eval "$run" | tee "$run/eval.txt"
+    mkdir -p "$here/seed-$seed"
+    cp "$run/config.toml" "$run/eval.json" "$run/eval.txt" "$here/seed-$seed/"
+    awk 'NR == 1 || NR % 20 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done
-"$omniwalk" report "$out/seed-1" "$out/seed-2" "$out/seed-3" --out "$out"
+"$omniwalk" report "$out/seed-1" "$out/seed-2" "$out/seed-3" --out "$here"
+mv "$here/filmstrip.png" "$here/gait.png" docs/pictures/
+rm -f "$here/report.html"
