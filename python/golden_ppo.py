@@ -165,7 +165,10 @@ def update_case(name, config, mirror=None, seed=0):
         new = distribution(head, actor(observations))
         ratio = torch.exp(log_probability(head, new, actions) - old_log_probability)
         clipped = ratio.clamp(1 - config["clip"], 1 + config["clip"])
-        policy_loss = -torch.min(ratio * advantages, clipped * advantages).mean()
+        surrogate = torch.min(ratio * advantages, clipped * advantages)
+        # Dual clip (Ye et al. 2020): with a negative advantage the surrogate ends at three times it.
+        surrogate = torch.where(advantages < 0, torch.max(surrogate, 3.0 * advantages), surrogate)
+        policy_loss = -surrogate.mean()
         entropy = new.entropy().sum(-1).mean()
         value_loss = 0.5 * ((critic(observations).squeeze(-1) - returns) ** 2).mean()
         kl = torch.distributions.kl_divergence(old, new).sum(-1).mean()

@@ -242,7 +242,16 @@ fn mirroring_a_robot_without_a_mirror_map() {
         let end = text[at..].find("[[").map_or(text.len(), |end| at + end);
         fs::write(&path, format!("{}{}", &text[..at], &text[end..])).unwrap();
     };
-    let arguments = ["train", "tiny.toml", "--run", "run", "--set", "robot.path=robot"];
+    let arguments = [
+        "train",
+        "tiny.toml",
+        "--run",
+        "run",
+        "--set",
+        "robot.path=robot",
+        "--set",
+        "train.mirror=true",
+    ];
     refuses_in(
         no_map,
         &arguments,
