@@ -12,9 +12,12 @@
 //! hemisphere open; a robot whose base is more than 90 degrees off has fallen, and functions that start from two angles
 //! assume it is upright.
 
-use libm::{asinf, atan2f, sinf, sqrtf};
+use libm::{asinf, atan2f, sqrtf};
 
-use crate::math::{Quat, Vec3};
+use crate::{
+    math::{Quat, Vec3},
+    number::Number,
+};
 
 /// Unit vector against gravity in the base frame for a base whose world orientation is `orientation` (unit
 /// quaternion x, y, z, w).
@@ -53,7 +56,7 @@ pub fn fused_yaw([_, _, z, w]: [f32; 4]) -> f32 {
 /// The two angles of an orientation satisfy `sin^2 roll + sin^2 pitch <= 1`; a noisy pair beyond that is moved to the
 /// nearest direction that exists.
 pub fn up_from_fused([roll, pitch]: [f32; 2]) -> [f32; 3] {
-    let (x, y) = (-sinf(pitch), sinf(roll));
+    let (x, y) = (-Number::sin_cos(pitch).0, Number::sin_cos(roll).0);
     let horizontal = x * x + y * y;
     if horizontal <= 1.0 {
         [x, y, sqrtf(1.0 - horizontal)]

@@ -20,11 +20,10 @@
 //! `s_h sqrt(2 E_max)` (16 mm) never outvotes the lowest: a wrong previous estimate cannot keep itself alive. Only differences of E count: a push that
 //! changes the velocity at once raises the E of all resting corners alike.
 
-use libm::expf;
-
 use crate::{
     kinematics::Sole,
     math::{Vec3, add, cross, dot, is_finite, scale},
+    number::Number,
 };
 
 /// Height over the lowest corner at which a corner counts 0.6 as much, m: above what encoder noise of 1e-3 rad does at
@@ -41,33 +40,42 @@ pub const VELOCITY_TERM_MAX: f32 = 8.0;
 /// the unit vector against gravity in the base frame and the previous velocity of the base (base frame, m/s).
 /// `None` without legs or when the readings give nothing finite.
 pub fn base_velocity(soles: &[Sole], gyro: [f32; 3], up: [f32; 3], previous: [f32; 3]) -> Option<[f32; 3]> {
-    let corners = soles.iter().flat_map(|sole| sole.corners.map(|corner| (sole, corner)));
-    let lowest = corners
-        .clone()
-        .map(|(_, corner)| dot(up, corner))
-        .fold(f32::INFINITY, f32::min);
-    let votes = corners.map(|(sole, corner)| {
-        let velocity = resting(sole, corner, gyro);
-        let height = (dot(up, corner) - lowest) / HEIGHT_SCALE;
-        let change = add(velocity, scale(previous, -1.0));
-        let square = dot(change, change);
-        let penalty = square / (2.0 * VELOCITY_SCALE * VELOCITY_SCALE + square / VELOCITY_TERM_MAX);
-        (velocity, 0.5 * height * height + penalty)
-    });
-    let least = votes.clone().map(|(_, energy)| energy).fold(f32::INFINITY, f32::min);
-    let (mut sum, mut total): (Vec3, f32) = ([0.0; 3], 0.0);
-    for (velocity, energy) in votes {
-        let weight = expf(least - energy);
-        sum = add(sum, scale(velocity, weight));
-        total += weight;
-    }
-    let mean = scale(sum, 1.0 / total);
+    let mean = mean_velocity(soles, gyro, up, previous);
     is_finite(&mean).then_some(mean)
 }
 
+/// [`base_velocity`], not finite where that is `None`.
+pub(crate) fn mean_velocity<N: Number>(soles: &[Sole<N>], gyro: Vec3<N>, up: Vec3<N>, previous: Vec3<N>) -> Vec3<N> {
+    let infinity = N::of(f32::INFINITY);
+    let corners = soles
+        .iter()
+        .flat_map(|sole| sole.corners.iter().map(move |&corner| (sole, corner)));
+    let lowest = corners
+        .clone()
+        .map(|(_, corner)| dot(up, corner))
+        .fold(infinity, Number::min);
+    let votes = corners.map(|(sole, corner)| {
+        let velocity = resting(sole, corner, gyro);
+        let height = (dot(up, corner) - lowest) * N::of(1.0 / HEIGHT_SCALE);
+        let change = add(velocity, scale(previous, N::of(-1.0)));
+        let square = dot(change, change);
+        let bound = N::of(2.0 * VELOCITY_SCALE * VELOCITY_SCALE) + square * N::of(1.0 / VELOCITY_TERM_MAX);
+        (velocity, N::of(0.5) * height * height + square / bound)
+    });
+    let least = votes.clone().map(|(_, energy)| energy).fold(infinity, Number::min);
+    let (mut sum, mut total) = ([N::of(0.0); 3], N::of(0.0));
+    for (velocity, energy) in votes {
+        let weight = (least - energy).exp();
+        sum = add(sum, scale(velocity, weight));
+        total = total + weight;
+    }
+    scale(sum, N::of(1.0) / total)
+}
+
 /// Velocity of the base in the base frame if `point` of `sole` is at rest in the world.
-fn resting(sole: &Sole, point: Vec3, gyro: Vec3) -> Vec3 {
-    scale(add(cross(gyro, point), sole.velocity_at(point)), -1.0)
+#[inline(always)]
+fn resting<N: Number>(sole: &Sole<N>, point: Vec3<N>, gyro: Vec3<N>) -> Vec3<N> {
+    scale(add(cross(gyro, point), sole.velocity_at(point)), N::of(-1.0))
 }
 
 #[cfg(test)]

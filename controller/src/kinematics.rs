@@ -4,90 +4,115 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     math::{IDENTITY, Quat, Vec3, add, axis_angle, compose, cross, rotate, scale},
+    number::Number,
     spec::Leg,
 };
 
 /// A sole relative to the base, in the base frame: what an observer on the base sees, whatever the base itself does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Sole {
+pub struct Sole<N = f32> {
     /// Centre of the four corners, m.
-    pub position: [f32; 3],
+    pub position: [N; 3],
     /// Orientation of the sole frame, unit quaternion x, y, z, w.
-    pub rotation: [f32; 4],
+    pub rotation: [N; 4],
     /// Velocity of the centre, m/s.
-    pub velocity: [f32; 3],
+    pub velocity: [N; 3],
     /// Angular velocity, rad/s.
-    pub angular_velocity: [f32; 3],
+    pub angular_velocity: [N; 3],
     /// Corners in the order of [`Leg::corners`], m.
-    pub corners: [[f32; 3]; 4],
+    pub corners: [[N; 3]; 4],
 }
 
-impl Sole {
+impl<N: Number> Sole<N> {
     /// Velocity of a point that moves with the sole, m/s; the point and the result in the base frame.
-    pub fn velocity_at(&self, point: [f32; 3]) -> [f32; 3] {
-        let arm = add(point, scale(self.position, -1.0));
+    #[inline(always)]
+    pub fn velocity_at(&self, point: [N; 3]) -> [N; 3] {
+        let arm = add(point, scale(self.position, N::of(-1.0)));
         add(self.velocity, cross(self.angular_velocity, arm))
+    }
+
+    /// The same numbers by `f`, in another type.
+    #[inline(always)]
+    pub(crate) fn map<M>(&self, f: impl Fn(N) -> M) -> Sole<M> {
+        Sole {
+            position: self.position.map(&f),
+            rotation: self.rotation.map(&f),
+            velocity: self.velocity.map(&f),
+            angular_velocity: self.angular_velocity.map(&f),
+            corners: self.corners.map(|corner| corner.map(&f)),
+        }
     }
 }
 
 /// The sole of `leg` at joint positions `position` (rad or m) and velocities `velocity` (rad/s or m/s) of the policy's
 /// joints.
-pub fn sole(leg: &Leg, position: &[f32], velocity: &[f32]) -> Sole {
+pub fn sole<N: Number>(leg: &Leg, position: &[N], velocity: &[N]) -> Sole<N> {
+    let zero = N::of(0.0);
     let mut frame = Frame {
-        origin: [0.0; 3],
-        rotation: IDENTITY,
-        velocity: [0.0; 3],
-        angular_velocity: [0.0; 3],
+        origin: [zero; 3],
+        rotation: IDENTITY.map(N::of),
+        velocity: [zero; 3],
+        angular_velocity: [zero; 3],
     };
     for segment in &leg.segments {
         let (value, rate) = match segment.joint {
             Some(joint) => {
-                let joint = usize::from(joint);
+                let (joint, multiplier) = (usize::from(joint), N::of(segment.multiplier));
                 (
-                    segment.multiplier * position[joint] + segment.offset,
-                    segment.multiplier * velocity[joint],
+                    multiplier * position[joint] + N::of(segment.offset),
+                    multiplier * velocity[joint],
                 )
             }
-            None => (segment.offset, 0.0),
+            None => (N::of(segment.offset), zero),
         };
         frame.translate(segment.translation);
-        frame.rotation = compose(frame.rotation, segment.rotation);
+        if segment.rotation != IDENTITY {
+            frame.rotation = compose(frame.rotation, segment.rotation.map(N::of));
+        }
+        let own = segment.axis.map(N::of);
+        let axis = rotate(frame.rotation, own);
         if segment.prismatic {
-            frame.translate(scale(segment.axis, value));
-            frame.velocity = add(frame.velocity, scale(rotate(frame.rotation, segment.axis), rate));
+            frame.shift(scale(axis, value));
+            frame.velocity = add(frame.velocity, scale(axis, rate));
         } else {
-            let axis = rotate(frame.rotation, segment.axis);
             frame.angular_velocity = add(frame.angular_velocity, scale(axis, rate));
-            frame.rotation = compose(frame.rotation, axis_angle(segment.axis, value));
+            frame.rotation = compose(frame.rotation, axis_angle(own, value));
         }
     }
     let ankle = frame;
-    let centre = scale(leg.corners.iter().copied().fold([0.0; 3], add), 0.25);
-    frame.translate(centre);
+    frame.translate(scale(leg.corners.iter().copied().fold([0.0; 3], add), 0.25));
     Sole {
         position: frame.origin,
-        rotation: compose(ankle.rotation, leg.sole_rotation),
+        rotation: compose(ankle.rotation, leg.sole_rotation.map(N::of)),
         velocity: frame.velocity,
         angular_velocity: frame.angular_velocity,
         corners: leg
             .corners
-            .map(|corner| add(ankle.origin, rotate(ankle.rotation, corner))),
+            .map(|corner| add(ankle.origin, rotate(ankle.rotation, corner.map(N::of)))),
     }
 }
 
 /// A frame on its way along the chain, seen from the base.
 #[derive(Clone, Copy)]
-struct Frame {
-    origin: Vec3,
-    rotation: Quat,
-    velocity: Vec3,
-    angular_velocity: Vec3,
+struct Frame<N> {
+    origin: Vec3<N>,
+    rotation: Quat<N>,
+    velocity: Vec3<N>,
+    angular_velocity: Vec3<N>,
 }
 
-impl Frame {
+impl<N: Number> Frame<N> {
     /// Moves the origin by `offset`, given in this frame, to another point of the same body.
+    #[inline(always)]
     fn translate(&mut self, offset: Vec3) {
-        let arm = rotate(self.rotation, offset);
+        if offset != [0.0; 3] {
+            self.shift(rotate(self.rotation, offset.map(N::of)));
+        }
+    }
+
+    /// Moves the origin by `arm`, given in the base frame, to another point of the same body.
+    #[inline(always)]
+    fn shift(&mut self, arm: Vec3<N>) {
         self.origin = add(self.origin, arm);
         self.velocity = add(self.velocity, cross(self.angular_velocity, arm));
     }

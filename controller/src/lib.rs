@@ -23,8 +23,10 @@ mod kernel;
 pub mod kinematics;
 mod math;
 mod mirror;
+mod number;
 mod pipeline;
 mod policy;
+mod row;
 mod spec;
 #[cfg(test)]
 mod testing;
@@ -36,5 +38,6 @@ pub use pipeline::{Pipeline, Sensors};
 pub use policy::{
     Bounds, Controller, GOLDEN_TOLERANCE, Golden, GoldenAction, GoldenStep, Identity, Policy, PolicyError,
 };
+pub use row::{ROW, RowObserver, Turn};
 pub use spec::*;
 pub use validate::SpecError;

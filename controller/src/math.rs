@@ -1,25 +1,29 @@
 //! The little vector and quaternion algebra the controller needs. Quaternions are (x, y, z, w).
 
-use libm::{cosf, sinf};
+use crate::number::Number;
 
-pub(crate) type Vec3 = [f32; 3];
-pub(crate) type Quat = [f32; 4];
+pub(crate) type Vec3<N = f32> = [N; 3];
+pub(crate) type Quat<N = f32> = [N; 4];
 
 pub(crate) const IDENTITY: Quat = [0.0, 0.0, 0.0, 1.0];
 
-pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
+#[inline(always)]
+pub(crate) fn add<N: Number>(a: Vec3<N>, b: Vec3<N>) -> Vec3<N> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-pub(crate) fn scale(a: Vec3, s: f32) -> Vec3 {
+#[inline(always)]
+pub(crate) fn scale<N: Number>(a: Vec3<N>, s: N) -> Vec3<N> {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f32 {
+#[inline(always)]
+pub(crate) fn dot<N: Number>(a: Vec3<N>, b: Vec3<N>) -> N {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
+#[inline(always)]
+pub(crate) fn cross<N: Number>(a: Vec3<N>, b: Vec3<N>) -> Vec3<N> {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -32,7 +36,8 @@ pub(crate) fn is_finite(values: &[f32]) -> bool {
 }
 
 /// The rotation `a` after `b`: `rotate(compose(a, b), v) = rotate(a, rotate(b, v))`.
-pub(crate) fn compose(a: Quat, b: Quat) -> Quat {
+#[inline(always)]
+pub(crate) fn compose<N: Number>(a: Quat<N>, b: Quat<N>) -> Quat<N> {
     let [ax, ay, az, aw] = a;
     let [bx, by, bz, bw] = b;
     [
@@ -44,20 +49,23 @@ pub(crate) fn compose(a: Quat, b: Quat) -> Quat {
 }
 
 /// `v` turned by the unit quaternion `q`.
-pub(crate) fn rotate(q: Quat, v: Vec3) -> Vec3 {
+#[inline(always)]
+pub(crate) fn rotate<N: Number>(q: Quat<N>, v: Vec3<N>) -> Vec3<N> {
     let axis = [q[0], q[1], q[2]];
-    let twice = scale(cross(axis, v), 2.0);
+    let twice = scale(cross(axis, v), N::of(2.0));
     add(v, add(scale(twice, q[3]), cross(axis, twice)))
 }
 
 /// The turn by `angle` about the unit `axis`.
-pub(crate) fn axis_angle(axis: Vec3, angle: f32) -> Quat {
-    let [x, y, z] = scale(axis, sinf(0.5 * angle));
-    [x, y, z, cosf(0.5 * angle)]
+#[inline(always)]
+pub(crate) fn axis_angle<N: Number>(axis: Vec3<N>, angle: N) -> Quat<N> {
+    let (sin, cos) = (N::of(0.5) * angle).sin_cos();
+    let [x, y, z] = scale(axis, sin);
+    [x, y, z, cos]
 }
 
 /// `v` turned by `angle` about z.
 pub(crate) fn rotate_z(angle: f32, v: Vec3) -> Vec3 {
-    let (sin, cos) = (sinf(angle), cosf(angle));
+    let (sin, cos) = Number::sin_cos(angle);
     [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]]
 }

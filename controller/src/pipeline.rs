@@ -1,9 +1,9 @@
 //! One robot's loop between two steps: what turns readings into observations and actions into joint targets.
 
 use alloc::{vec, vec::Vec};
-use core::f32::consts::TAU;
+use core::f32::consts::{PI, TAU};
 
-use libm::{cosf, remainderf, roundf, sinf};
+use libm::{remainderf, roundf};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -12,6 +12,7 @@ use crate::{
     filter::Filter,
     kinematics::{Sole, sole},
     math::{Vec3, is_finite, rotate_z},
+    number::Number,
     spec::{ActionLaw, Block, Spec},
     validate::SpecError,
 };
@@ -49,7 +50,12 @@ impl InertialFrame {
         let rate = if rate.is_finite() { rate } else { self.rate };
         match self.age.map(|age| age + 1) {
             Some(age) if age < self.period => {
-                let heading = remainderf(self.heading + (0.5 * self.rate + 0.5 * rate) * dt, TAU);
+                let heading = self.heading + (0.5 * self.rate + 0.5 * rate) * dt;
+                let heading = if heading.abs() <= PI {
+                    heading
+                } else {
+                    remainderf(heading, TAU)
+                };
                 self.heading = if heading.is_finite() { heading } else { self.heading };
                 self.age = Some(age);
             }
@@ -152,6 +158,16 @@ impl Pipeline {
     /// # Panics
     /// When `sensors.position`, `sensors.velocity` or `out` do not have the spec's lengths.
     pub fn observe(&mut self, spec: &Spec, sensors: &Sensors, desired: [f32; 3], out: &mut [f32]) {
+        let up = self.take_in(spec, sensors);
+        for (state, leg) in self.soles.iter_mut().zip(&spec.legs) {
+            *state = sole(leg, sensors.position, sensors.velocity);
+        }
+        let estimate = base_velocity(&self.soles, sensors.gyro, up, self.velocity[1]);
+        self.give_out(spec, sensors, up, estimate, desired, out);
+    }
+
+    /// Remembers the readings and advances the inertial frame; returns the unit vector against gravity in the base frame.
+    pub(crate) fn take_in(&mut self, spec: &Spec, sensors: &Sensors) -> Vec3 {
         assert_eq!(
             sensors.position.len(),
             spec.joints.len(),
@@ -167,9 +183,35 @@ impl Pipeline {
                 *measured = position;
             }
         }
-        self.estimate(spec, sensors);
+        let up = up_from_fused(sensors.attitude);
+        self.frame.advance(yaw_rate(sensors.gyro, up), 1.0 / spec.control_hz);
+        up
+    }
+
+    /// Takes over the velocity `estimate` of the base (base frame, m/s), advances the ramp and writes the observation.
+    pub(crate) fn give_out(
+        &mut self,
+        spec: &Spec,
+        sensors: &Sensors,
+        up: Vec3,
+        estimate: Option<Vec3>,
+        desired: [f32; 3],
+        out: &mut [f32],
+    ) {
+        let given = sensors.base_velocity.filter(|velocity| is_finite(velocity));
+        if let Some(base) = given.or(estimate) {
+            let inertial = rotate_z(self.frame.heading, level(up, base));
+            if is_finite(&inertial) {
+                self.velocity = [inertial, base];
+            }
+        }
         self.ramp(spec, desired);
         self.write(spec, sensors, out);
+    }
+
+    /// The soles of [`Self::soles`], to be set by who computes them.
+    pub(crate) fn soles_mut(&mut self) -> &mut [Sole] {
+        &mut self.soles
     }
 
     /// Turns an action in [0, 1] into joint targets (rad or m) by the spec's filter and law, with the positions of the last
@@ -251,22 +293,6 @@ impl Pipeline {
         &self.previous_target
     }
 
-    fn estimate(&mut self, spec: &Spec, sensors: &Sensors) {
-        let up = up_from_fused(sensors.attitude);
-        self.frame.advance(yaw_rate(sensors.gyro, up), 1.0 / spec.control_hz);
-        for (state, leg) in self.soles.iter_mut().zip(&spec.legs) {
-            *state = sole(leg, sensors.position, sensors.velocity);
-        }
-        let given = sensors.base_velocity.filter(|velocity| is_finite(velocity));
-        let base = given.or_else(|| base_velocity(&self.soles, sensors.gyro, up, self.velocity[1]));
-        if let Some(base) = base {
-            let inertial = rotate_z(self.frame.heading, level(up, base));
-            if is_finite(&inertial) {
-                self.velocity = [inertial, base];
-            }
-        }
-    }
-
     fn ramp(&mut self, spec: &Spec, desired: [f32; 3]) {
         self.desired = clip_velocity(spec, desired, self.desired);
         for axis in 0..3 {
@@ -277,7 +303,7 @@ impl Pipeline {
 
     fn write(&self, spec: &Spec, sensors: &Sensors, out: &mut [f32]) {
         assert_eq!(out.len(), spec.observation_len(), "the observation's length");
-        let angle = TAU * self.clock_phase;
+        let (sin, cos) = Number::sin_cos(TAU * self.clock_phase);
         let mut rest = out;
         for &block in &spec.observation {
             let (entries, tail) = rest.split_at_mut(spec.block_len(block));
@@ -291,7 +317,7 @@ impl Pipeline {
                 Block::VelocityBase => entries.copy_from_slice(&self.velocity[1]),
                 Block::DesiredVelocity => entries.copy_from_slice(&self.desired),
                 Block::CommandedVelocity => entries.copy_from_slice(&self.commanded),
-                Block::Clock => entries.copy_from_slice(&[sinf(angle), cosf(angle)]),
+                Block::Clock => entries.copy_from_slice(&[sin, cos]),
                 Block::PreviousTarget => {
                     for ((entry, target), joint) in entries.iter_mut().zip(&self.previous_target).zip(&spec.joints) {
                         *entry = target - joint.nominal;
