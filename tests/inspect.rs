@@ -146,6 +146,7 @@ fn policy() -> Policy {
             torque_clamp: true,
         },
         clock: None,
+        symmetry: None,
         command: CommandSpec {
             rate: [1.0; 3],
             lower: [0.0; 3],

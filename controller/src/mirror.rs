@@ -6,12 +6,47 @@
 use alloc::vec::Vec;
 
 use crate::{
-    spec::{Block, Spec},
+    spec::{Block, MirroredJoint, Spec},
     validate::SpecError,
 };
 
 /// What the mirror does to the entries of a vector: `mirrored[i] = sign * original[index]` for entry i = `(index, sign)`.
 type Signed = Vec<(u32, f32)>;
+
+/// What the mirror does to the entries of a block; `None` for blocks with an entry for each joint.
+fn signs(block: Block) -> Option<&'static [f32]> {
+    match block {
+        Block::JointPosition | Block::JointVelocity | Block::PreviousTarget => None,
+        Block::Attitude => Some(&[-1.0, 1.0]),
+        Block::Gyro => Some(&[-1.0, 1.0, -1.0]),
+        Block::VelocityInertial | Block::VelocityBase => Some(&[1.0, -1.0, 1.0]),
+        Block::DesiredVelocity | Block::CommandedVelocity => Some(&[1.0, -1.0, -1.0]),
+        Block::Clock => Some(&[-1.0, -1.0]),
+    }
+}
+
+/// Mirrors a value of each joint in place; `joints` is its own inverse, so that pairs change places.
+pub(crate) fn mirror_joints(joints: &[MirroredJoint], values: &mut [f32]) {
+    for (i, twin) in joints.iter().enumerate() {
+        let j = usize::from(twin.joint);
+        if i <= j {
+            (values[i], values[j]) = (twin.sign * values[j], twin.sign * values[i]);
+        }
+    }
+}
+
+/// Mirrors an observation in place.
+pub(crate) fn mirror_observation(spec: &Spec, joints: &[MirroredJoint], observation: &mut [f32]) {
+    let mut rest = observation;
+    for &block in &spec.observation {
+        let (entries, tail) = rest.split_at_mut(spec.block_len(block));
+        rest = tail;
+        match signs(block) {
+            Some(signs) => entries.iter_mut().zip(signs).for_each(|(entry, sign)| *entry *= sign),
+            None => mirror_joints(joints, entries),
+        }
+    }
+}
 
 impl Spec {
     /// The mirror of the observation: `mirrored[i] = sign * original[index]` for entry i = `(index, sign)`. `joints` is
@@ -21,24 +56,17 @@ impl Spec {
     ///
     /// # Panics
     /// When `joints` is shorter than the policy's joints.
-    pub fn mirror_observation(&self, joints: &[(usize, f32)]) -> Signed {
+    pub fn mirror_observation(&self, joints: &[MirroredJoint]) -> Signed {
         let mut map = Signed::with_capacity(self.observation_len());
         for &block in &self.observation {
             let start = map.len() as u32;
-            let mut signs = |signs: &[f32]| map.extend((start..).zip(signs.iter().copied()));
-            match block {
-                Block::JointPosition | Block::JointVelocity | Block::PreviousTarget => {
-                    map.extend(
-                        joints[..self.joints.len()]
-                            .iter()
-                            .map(|&(joint, sign)| (start + joint as u32, sign)),
-                    );
-                }
-                Block::Attitude => signs(&[-1.0, 1.0]),
-                Block::Gyro => signs(&[-1.0, 1.0, -1.0]),
-                Block::VelocityInertial | Block::VelocityBase => signs(&[1.0, -1.0, 1.0]),
-                Block::DesiredVelocity | Block::CommandedVelocity => signs(&[1.0, -1.0, -1.0]),
-                Block::Clock => signs(&[-1.0, -1.0]),
+            match signs(block) {
+                Some(signs) => map.extend((start..).zip(signs.iter().copied())),
+                None => map.extend(
+                    joints[..self.joints.len()]
+                        .iter()
+                        .map(|twin| (start + u32::from(twin.joint), twin.sign)),
+                ),
             }
         }
         map
@@ -46,10 +74,10 @@ impl Spec {
 
     /// The mirror of `u = 2 a - 1` for actions a in [0, 1], as in [`Spec::mirror_observation`]: with sign +1
     /// `mirrored[i] = a[index]`, with sign -1 `mirrored[i] = 1 - a[index]`.
-    pub fn mirror_action(&self, joints: &[(usize, f32)]) -> Signed {
+    pub fn mirror_action(&self, joints: &[MirroredJoint]) -> Signed {
         joints[..self.joints.len()]
             .iter()
-            .map(|&(joint, sign)| (joint as u32, sign))
+            .map(|twin| (u32::from(twin.joint), twin.sign))
             .collect()
     }
 
@@ -58,19 +86,19 @@ impl Spec {
     ///
     /// # Errors
     /// [`SpecError::Mirror`] with the first joint that is not.
-    pub fn validate_mirror(&self, joints: &[(usize, f32)]) -> Result<(), SpecError> {
+    pub fn validate_mirror(&self, joints: &[MirroredJoint]) -> Result<(), SpecError> {
         let close = |a: f32, b: f32| (a - b).abs() <= 1e-4;
         for (i, joint) in self.joints.iter().enumerate() {
             let symmetric = joints.len() == self.joints.len()
-                && self.joints.get(joints[i].0).is_some_and(|twin| {
-                    let sign = joints[i].1;
+                && self.joints.get(usize::from(joints[i].joint)).is_some_and(|twin| {
+                    let MirroredJoint { joint: other, sign } = joints[i];
                     let (lower, upper) = if sign > 0.0 {
                         (twin.lower, twin.upper)
                     } else {
                         (-twin.upper, -twin.lower)
                     };
                     sign.abs() == 1.0
-                        && joints[joints[i].0] == (i, sign)
+                        && joints[usize::from(other)] == (MirroredJoint { joint: i as u16, sign })
                         && close(joint.nominal, sign * twin.nominal)
                         && close(joint.lower, lower)
                         && close(joint.upper, upper)
@@ -116,8 +144,8 @@ mod tests {
         assert_eq!(spec.validate_mirror(&biped_mirror()), Ok(()));
         assert!(spec.validate_mirror(&biped_mirror()[..9]).is_err());
         let mut wrong_sign = biped_mirror();
-        wrong_sign[2].1 = -1.0;
-        wrong_sign[7].1 = -1.0;
+        wrong_sign[2].sign = -1.0;
+        wrong_sign[7].sign = -1.0;
         assert_eq!(
             spec.validate_mirror(&wrong_sign),
             Err(SpecError::Mirror {
@@ -144,8 +172,8 @@ mod tests {
     fn mirrored((q, dq, [roll, pitch], [wx, wy, wz], [vx, vy, turn], action): Step) -> Step {
         let joints = |values: [f32; 10]| {
             let mut out = [0.0; 10];
-            for (out, (joint, sign)) in out.iter_mut().zip(biped_mirror()) {
-                *out = sign * values[joint];
+            for (out, twin) in out.iter_mut().zip(biped_mirror()) {
+                *out = twin.sign * values[usize::from(twin.joint)];
             }
             out
         };
@@ -191,6 +219,25 @@ mod tests {
             let mirrored: Vec<Step> = steps.iter().copied().map(mirrored).collect();
             for (original, reflected) in run(&spec, 0.1, &steps).iter().zip(&run(&spec, 0.6, &mirrored)) {
                 let expected = apply(&observation, &original.0).into_iter().chain(apply(&joints, &original.1));
+                for (expected, found) in expected.zip(reflected.0.iter().chain(&reflected.1)) {
+                    prop_assert!((expected - found).abs() < 2e-4, "{expected} {found}");
+                }
+            }
+        }
+
+        #[test]
+        fn a_symmetric_policy_sees_the_same_in_both_halves_of_the_cycle_and_moves_the_mirrored_joints(
+            steps in prop::collection::vec(step(), 1..60),
+        ) {
+            let spec = Spec { symmetry: Some(biped_mirror()), ..biped() };
+            let joints = spec.mirror_action(&biped_mirror());
+            let same_action = |step: &Step| {
+                let (q, dq, attitude, gyro, desired, _) = mirrored(*step);
+                (q, dq, attitude, gyro, desired, step.5)
+            };
+            let reflected: Vec<Step> = steps.iter().map(same_action).collect();
+            for (original, reflected) in run(&spec, 0.1, &steps).iter().zip(&run(&spec, 0.6, &reflected)) {
+                let expected = original.0.iter().copied().chain(apply(&joints, &original.1));
                 for (expected, found) in expected.zip(reflected.0.iter().chain(&reflected.1)) {
                     prop_assert!((expected - found).abs() < 2e-4, "{expected} {found}");
                 }

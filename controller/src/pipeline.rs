@@ -12,8 +12,9 @@ use crate::{
     filter::Filter,
     kinematics::{Sole, sole},
     math::{Vec3, is_finite, rotate_z},
+    mirror::{mirror_joints, mirror_observation},
     number::Number,
-    spec::{ActionLaw, Block, Spec},
+    spec::{ActionLaw, Block, MirroredJoint, Spec},
     validate::SpecError,
 };
 
@@ -207,6 +208,9 @@ impl Pipeline {
         }
         self.ramp(spec, desired);
         self.write(spec, sensors, out);
+        if let Some(joints) = self.mirror(spec) {
+            mirror_observation(spec, joints, out);
+        }
     }
 
     /// The soles of [`Self::soles`], to be set by who computes them.
@@ -230,6 +234,9 @@ impl Pipeline {
         } else {
             for (u, a) in targets.iter_mut().zip(action) {
                 *u = 2.0 * a.clamp(0.0, 1.0) - 1.0;
+            }
+            if let Some(joints) = self.mirror(spec) {
+                mirror_joints(joints, targets);
             }
             if let Some(filter) = &mut self.filter {
                 filter.apply(targets);
@@ -265,6 +272,11 @@ impl Pipeline {
             let half = 2.0 * self.clock_phase;
             if half < 1.0 { (0, half) } else { (1, half - 1.0) }
         })
+    }
+
+    /// The mirror the policy looks into in this step: a symmetric policy in the second half of the clock's cycle.
+    fn mirror<'a>(&self, spec: &'a Spec) -> Option<&'a [MirroredJoint]> {
+        spec.symmetry.as_deref().filter(|_| self.clock_phase >= 0.5)
     }
 
     /// Velocity of the base origin as observed in the last step, m/s: in the inertial and in the base frame.

@@ -18,6 +18,9 @@ pub struct Spec {
     pub action: ActionSpec,
     /// The phase clock, if the policy has one.
     pub clock: Option<ClockSpec>,
+    /// The robot's left-right mirror, one entry for each policy joint, if the policy walks symmetrically: in the second
+    /// half of the clock's cycle it sees and moves the robot's mirror image, so that it only ever swings leg 0.
+    pub symmetry: Option<Vec<MirroredJoint>>,
     /// Ramp and bounds of the desired velocity.
     pub command: CommandSpec,
     /// Kinematics of each foot, left first, for the velocity estimator.
@@ -117,6 +120,15 @@ pub enum FilterSpec {
 pub struct ClockSpec {
     /// Duration of a full cycle (two steps), s.
     pub period: f32,
+}
+
+/// Where a joint's value comes from in the mirrored robot: `mirrored[i] = sign * original[joint]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MirroredJoint {
+    /// The joint on the other side, or the joint itself.
+    pub joint: u16,
+    /// +1 or -1.
+    pub sign: f32,
 }
 
 /// The way from the desired to the commanded velocity (thesis 7.3.1).

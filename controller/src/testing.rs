@@ -91,6 +91,7 @@ pub(crate) fn biped() -> Spec {
             torque_clamp: true,
         },
         clock: Some(ClockSpec { period: 0.8 }),
+        symmetry: None,
         command: CommandSpec {
             rate: [0.5, 0.5, 1.0],
             lower: [-0.6; 3],
@@ -102,9 +103,12 @@ pub(crate) fn biped() -> Spec {
 }
 
 /// The mirror map of [`biped`].
-pub(crate) fn biped_mirror() -> Vec<(usize, f32)> {
+pub(crate) fn biped_mirror() -> Vec<MirroredJoint> {
     (0..10)
-        .map(|i| ((i + 5) % 10, [-1.0, -1.0, 1.0, 1.0, -1.0][i % 5]))
+        .map(|i| MirroredJoint {
+            joint: (i + 5) % 10,
+            sign: [-1.0, -1.0, 1.0, 1.0, -1.0][usize::from(i % 5)],
+        })
         .collect()
 }
 

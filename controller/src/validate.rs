@@ -52,6 +52,9 @@ pub enum SpecError {
     /// The clock is observed but there is none.
     #[error("the observation has the block Clock but the policy has no clock")]
     NoClock,
+    /// A symmetric policy changes sides by the clock, but there is none.
+    #[error("the policy is symmetric but has no clock to change sides by")]
+    NoClockForSymmetry,
     /// A leg's chain follows a joint the policy does not have.
     #[error("leg `{leg}`, segment {segment}: follows joint {joint}, but the policy has {joints} joints")]
     UnknownJoint {
@@ -109,7 +112,11 @@ impl Spec {
         match self.clock {
             Some(clock) => positive("clock.period", clock.period)?,
             None if self.observation.contains(&Block::Clock) => return Err(SpecError::NoClock),
+            None if self.symmetry.is_some() => return Err(SpecError::NoClockForSymmetry),
             None => {}
+        }
+        if let Some(joints) = &self.symmetry {
+            self.validate_mirror(joints)?;
         }
         self.legs
             .iter()

@@ -7,7 +7,7 @@ use std::{
 
 use omniwalk_controller::{
     ActionLaw, ActionSpec, Activation, Actor, Block, Bounds, ClockSpec, CommandSpec, Controller, Dense, FilterSpec,
-    Head, Identity, JointSpec, Leg, Policy, Segment, Sensors, Spec,
+    Head, Identity, JointSpec, Leg, MirroredJoint, Policy, Segment, Sensors, Spec,
 };
 
 struct Counting;
@@ -80,6 +80,10 @@ fn spec() -> Spec {
             torque_clamp: true,
         },
         clock: Some(ClockSpec { period: 0.8 }),
+        symmetry: Some(vec![
+            MirroredJoint { joint: 1, sign: 1.0 },
+            MirroredJoint { joint: 0, sign: 1.0 },
+        ]),
         command: CommandSpec {
             rate: [1.0; 3],
             lower: [-0.5; 3],

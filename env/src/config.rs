@@ -135,6 +135,10 @@ pub struct ClockConfig {
     pub enabled: bool,
     /// Seconds for two steps.
     pub period: f64,
+    /// In the second half of the cycle the policy sees and moves the robot's mirror image, so that it learns one step
+    /// instead of two and walks the same to the left and to the right. Robots without a mirror map, and policies without
+    /// a clock, stay as they are.
+    pub symmetric: bool,
 }
 
 /// Section `[command]`: the desired velocity and its way into the commanded one.

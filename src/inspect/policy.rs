@@ -57,7 +57,12 @@ fn spec(spec: &Spec) -> String {
     }
     text += &format!("\n  action: {}\n", action(&spec.action));
     if let Some(clock) = &spec.clock {
-        text += &format!("  clock with a period of {} s\n", clock.period);
+        let symmetric = if spec.symmetry.is_some() {
+            ", symmetric: the second half mirrors the first"
+        } else {
+            ""
+        };
+        text += &format!("  clock with a period of {} s{symmetric}\n", clock.period);
     }
     let command = &spec.command;
     text += &format!(

@@ -291,13 +291,12 @@ fn learner_end(end: Option<End>) -> ppo::End {
 
 fn mirror(batch: &Batch) -> Result<Mirror, EnvError> {
     let shared = batch.shared();
-    let map = shared.robot.mirror.as_ref().ok_or_else(|| EnvError::NoMirror {
+    let joints = shared.robot.mirror_map().ok_or_else(|| EnvError::NoMirror {
         robot: shared.robot.name.clone(),
     })?;
-    let joints: Vec<(usize, f32)> = map.iter().map(|joint| (joint.joint, joint.sign as f32)).collect();
     Ok(Mirror {
         observation: shared.spec.mirror_observation(&joints),
-        action: joints.iter().map(|&(joint, sign)| (joint as u32, sign)).collect(),
+        action: shared.spec.mirror_action(&joints),
     })
 }
 

@@ -211,6 +211,7 @@ fields!(Spec {
     observation,
     action,
     clock,
+    symmetry,
     command,
     legs,
     inertial_frame_period
@@ -231,6 +232,7 @@ fields!(ActionSpec {
     torque_clamp
 });
 fields!(ClockSpec { period });
+fields!(MirroredJoint { joint, sign });
 fields!(CommandSpec { rate, lower, upper });
 fields!(Leg {
     name,

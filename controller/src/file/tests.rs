@@ -5,11 +5,15 @@ use proptest::prelude::*;
 use super::*;
 use crate::{
     policy::{Bounds, Identity},
-    testing::{actor, biped},
+    spec::Spec,
+    testing::{actor, biped, biped_mirror},
 };
 
 fn policy() -> Policy {
-    let spec = biped();
+    let spec = Spec {
+        symmetry: Some(biped_mirror()),
+        ..biped()
+    };
     let (width, joints) = (spec.observation_len(), spec.action_len());
     let bounds = Bounds {
         lower: vec![-20.0; width],
@@ -118,7 +122,10 @@ fn a_network_that_was_exchanged_fails_its_golden_vectors() {
 #[test]
 fn a_loop_that_was_exchanged_fails_its_golden_vectors() {
     let changes: [fn(&mut Policy); 6] = [
-        |policy| policy.spec.joints.swap(1, 2),
+        |policy| {
+            policy.spec.joints.swap(2, 3);
+            policy.spec.joints.swap(7, 8);
+        },
         |policy| policy.spec.action.filter = None,
         |policy| policy.spec.action.law = crate::ActionLaw::OffsetFromNominal,
         |policy| policy.spec.observation.swap(0, 1),

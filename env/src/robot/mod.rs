@@ -213,6 +213,15 @@ impl Foot {
 }
 
 impl Robot {
+    /// The mirror map as the controller takes it.
+    pub fn mirror_map(&self) -> Option<Vec<omniwalk_controller::MirroredJoint>> {
+        let single = |twin: &MirroredJoint| omniwalk_controller::MirroredJoint {
+            joint: twin.joint as u16,
+            sign: twin.sign as f32,
+        };
+        self.mirror.as_ref().map(|map| map.iter().map(single).collect())
+    }
+
     /// The joint behind degree of freedom `d`.
     pub fn dof(&self, d: usize) -> &Joint {
         &self.joints[self.dofs[d]]

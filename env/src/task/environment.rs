@@ -51,7 +51,7 @@ pub struct Episode {
     pub tracking: Option<Tracking>,
     /// Mean magnitude of the policy joints' torques, N m.
     pub torque: f64,
-    /// Mean square change of the action per step, in half ranges.
+    /// Mean square change of the targets per step, in half ranges of the action.
     pub action_change: f64,
     /// Mean error of the estimated base velocity, m/s.
     pub estimator_error: f64,
@@ -75,7 +75,7 @@ pub struct Environment {
     /// Factor on each joint's response in this episode (equation 7.14).
     response: Vec<f64>,
     targets: Vec<f32>,
-    previous_action: Vec<f32>,
+    previous_targets: Vec<f32>,
     action_change: f64,
     /// True heading at which the inertial frame was set last, rad.
     heading: f64,
@@ -155,7 +155,7 @@ impl Environment {
             length: 0,
             response: vec![1.0; joints],
             targets: vec![0.0; joints],
-            previous_action: vec![0.5; joints],
+            previous_targets: vec![0.0; joints],
             action_change: 0.0,
             heading: 0.0,
             motion: Motion::default(),
@@ -241,20 +241,13 @@ impl Environment {
         world: usize,
         action: &[f32],
     ) {
-        self.action_change = action
-            .iter()
-            .zip(&self.previous_action)
-            .map(|(a, b)| {
-                if self.step == 0 {
-                    0.0
-                } else {
-                    f64::from(2.0 * (a - b)).powi(2)
-                }
-            })
-            .sum::<f64>()
-            / action.len() as f64;
-        self.previous_action.copy_from_slice(action);
+        self.previous_targets.copy_from_slice(&self.targets);
         self.pipeline.decode(&shared.spec, action, &mut self.targets);
+        self.action_change = if self.step == 0 {
+            0.0
+        } else {
+            self.target_change(shared)
+        };
         let worlds = engine.worlds();
         for (i, &d) in shared.robot.policy.iter().enumerate() {
             let position = engine.joints().position[d * worlds + world];
@@ -350,7 +343,6 @@ impl Environment {
         }
         self.step = 0;
         self.push_steps = 0;
-        self.previous_action.fill(0.5);
     }
 
     fn draw_start(&mut self, shared: &Shared, scratch: &mut Scratch) {
@@ -387,6 +379,16 @@ impl Environment {
         } else {
             u32::MAX
         }
+    }
+
+    /// Mean square of the change of the targets, in half ranges of the action.
+    fn target_change(&self, shared: &Shared) -> f64 {
+        let pairs = self.targets.iter().zip(&self.previous_targets);
+        let change = pairs.zip(&shared.spec.joints).map(|((new, old), joint)| {
+            let share = f64::from((new - old) / joint.action_scale);
+            share * share
+        });
+        change.sum::<f64>() / self.targets.len() as f64
     }
 
     fn redraw(&mut self, shared: &Shared) {

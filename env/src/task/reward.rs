@@ -135,7 +135,7 @@ pub struct Judged<'a> {
     pub alive: bool,
     /// Norm of the foot error; `None` for a robot without two feet.
     pub foot_error: Option<f64>,
-    /// Mean square of the change of the action between steps, in half ranges.
+    /// Mean square of the change of the targets between steps, in half ranges of the action.
     pub action_change: f64,
     /// Sum of the squared horizontal speeds of loaded soles, (m/s)^2.
     pub slip: f64,

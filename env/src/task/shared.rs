@@ -123,6 +123,9 @@ pub fn spec(robot: &Robot, config: &EnvConfig) -> Spec {
         clock: config.clock.enabled.then_some(ClockSpec {
             period: config.clock.period as f32,
         }),
+        symmetry: (config.clock.enabled && config.clock.symmetric)
+            .then(|| robot.mirror_map())
+            .flatten(),
         command: CommandSpec {
             rate: single(config.command.rate),
             lower: single(config.command.lower),
