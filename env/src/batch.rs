@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -150,6 +151,20 @@ impl Batch {
     pub fn set_range_of(&mut self, e: usize, range: CommandRange) {
         let (group, world) = self.place(e);
         self.groups[group].environments[world].set_range(range);
+    }
+
+    /// Sets the desired velocity of environment `e` (m/s, m/s, rad/s), from its next observation on and in later
+    /// episodes.
+    pub fn set_desired_of(&mut self, e: usize, velocity: [f64; 3]) {
+        let (group, world) = self.place(e);
+        self.groups[group].environments[world].set_desired(velocity);
+    }
+
+    /// Sets the external force on the base of environment `e`, world frame, N; it acts until it is set again or the
+    /// episode ends. Pushes of the configuration must be off: they set it too.
+    pub fn push(&mut self, e: usize, force: Vector3<f64>) {
+        let (group, world) = self.place(e);
+        self.groups[group].engine.push(world, force);
     }
 
     /// Starts an episode everywhere.

@@ -173,6 +173,12 @@ impl Environment {
         self.range = range;
     }
 
+    /// Sets the desired velocity (m/s, m/s, rad/s), from the next observation on and in later episodes.
+    pub fn set_desired(&mut self, velocity: [f64; 3]) {
+        self.range = CommandRange::fixed(velocity);
+        self.desired = velocity;
+    }
+
     /// The desired velocity.
     pub fn desired(&self) -> [f64; 3] {
         self.desired
