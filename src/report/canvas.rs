@@ -18,6 +18,8 @@ pub const INK: RGBColor = RGBColor(40, 44, 52);
 pub const FAINT: RGBColor = RGBColor(226, 229, 233);
 /// Secondary text.
 pub const GREY: RGBColor = RGBColor(110, 117, 128);
+/// A measurement behind its mean.
+pub const PALE: RGBColor = RGBColor(174, 199, 220);
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008), ordered for a white ground.
 pub const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),

@@ -4,9 +4,9 @@ use omniwalk_env::robot::Robot;
 use plotters::style::RGBColor;
 
 use super::ReportError;
-use super::canvas::{Area, COLOURS, Canvas, GREY, INK, px, text, write};
+use super::canvas::{Area, COLOURS, Canvas, GREY, INK, PALE, px, text, write};
 use super::motion::{CONTACT_HEIGHT, Frame, Motion, leg, pitch};
-use super::plot::{Line, Panel, short};
+use super::plot::{Line, Panel, running_mean, short};
 
 /// Size of the picture, pixels.
 const SIZE: (u32, u32) = (1260, 1010);
@@ -14,9 +14,6 @@ const SIZE: (u32, u32) = (1260, 1010);
 const ROWS: [i32; 4] = [76, 120, 230, 250];
 /// Steps and joints are shown for this long, so that single steps can be seen, s.
 const WINDOW: f64 = 5.0;
-
-/// A measurement behind its mean.
-const PALE: RGBColor = RGBColor(174, 199, 220);
 
 /// Draws the gait of `motion`, an episode of `robot`.
 ///
@@ -175,22 +172,6 @@ impl View<'_> {
         let rest = name.strip_prefix(side).unwrap_or(name);
         rest.trim_start_matches('_').replace('_', " ")
     }
-}
-
-/// Mean of the points within half of `window` of each; only where the whole window holds points.
-fn running_mean(points: &[(f64, f64)], window: f64) -> Vec<(f64, f64)> {
-    let (Some(first), Some(last)) = (points.first(), points.last()) else {
-        return Vec::new();
-    };
-    let half = window / 2.0 + 1e-9;
-    let whole = |&&(t, _): &&(f64, f64)| t - half >= first.0 - 1e-6 && t + half <= last.0 + 1e-6;
-    let mean = |&(t, _): &(f64, f64)| {
-        let from = points.partition_point(|p| p.0 < t - half);
-        let to = points.partition_point(|p| p.0 <= t + half);
-        let sum: f64 = points[from..to].iter().map(|p| p.1).sum();
-        (t, sum / (to - from).max(1) as f64)
-    };
-    points.iter().filter(whole).map(mean).collect()
 }
 
 fn line(name: &str, index: usize, points: Vec<(f64, f64)>) -> Line {

@@ -85,10 +85,10 @@ impl Motion {
         self.frames[self.frames.len() - 1].time
     }
 
-    /// Largest desired speed, m/s.
+    /// Desired speed in the middle of the log, from where the pictures are, m/s.
     pub fn speed(&self) -> f64 {
-        let speed = |frame: &Frame| frame.command[0].hypot(frame.command[1]);
-        self.frames.iter().map(speed).fold(0.0, f64::max)
+        let [x, y, _] = self.at(self.seconds() / 2.0).command;
+        x.hypot(y)
     }
 
     /// The first frame at or after `time`, or the last.

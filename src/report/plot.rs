@@ -146,6 +146,22 @@ pub fn short(value: &f64) -> String {
     format!("{digits}{unit}")
 }
 
+/// Mean of the points within half of `window` of each; only where the whole window holds points.
+pub fn running_mean(points: &[(f64, f64)], window: f64) -> Vec<(f64, f64)> {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+        return Vec::new();
+    };
+    let half = window / 2.0 + 1e-9;
+    let whole = |&&(t, _): &&(f64, f64)| t - half >= first.0 - 1e-6 && t + half <= last.0 + 1e-6;
+    let mean = |&(t, _): &(f64, f64)| {
+        let from = points.partition_point(|p| p.0 < t - half);
+        let to = points.partition_point(|p| p.0 <= t + half);
+        let sum: f64 = points[from..to].iter().map(|p| p.1).sum();
+        (t, sum / (to - from).max(1) as f64)
+    };
+    points.iter().filter(whole).map(mean).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
