@@ -4,45 +4,63 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, WrapErr, miette};
-use omniwalk_env::Batch;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::shared::spec;
+use omniwalk_env::{Batch, EnvConfig};
 use omniwalk_ppo::Agent;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::load;
+use crate::config::Layers;
+use crate::eval::forward::{Forward, Watch, nominal, play};
 use crate::eval::rollout::Recorder;
-use crate::eval::suite::{Suite, Watch, play};
+use crate::eval::suites::{ALL, CONDITIONS, Plan, Results, Suite};
 use crate::eval::table;
+use crate::eval::trial::Stage;
 use crate::log::LogError;
 use crate::run::{RunFolder, write_atomic};
-use crate::settings::Settings;
+use crate::settings::{DEFAULT, Settings};
 use crate::train::checkpoint;
 
-/// Plays a policy's mode at fixed commands and measures how it walks.
+/// Plays a policy's mode and measures how it walks.
+///
+/// Writes the results to eval.json in the run folder, with pictures (eval_*.png) and rollouts beside it. By itself it plays the
+/// commands of the run's `[eval]` section under the conditions the policy was trained in. The suites of DeepWalk's
+/// evaluation judge every policy under the same conditions: noise, latency, and friction and actuators drawn for each
+/// sequence, and beside that without any.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Run folder.
     run: PathBuf,
-    /// What is played: `forward`, the commands of the run's `[eval]` section.
-    #[arg(long, value_parser = ["forward"], default_value = "forward")]
-    suite: String,
+    /// What is played; several are separated by commas.
+    ///
+    /// forward: the commands of the run's `[eval]` section.
+    /// falls: ten commands, ten sequences of 60 s each.
+    /// tracking: a sequence of commands, commands along each axis, and a grid over all three, ten sequences of 10 s each.
+    /// changes: 160 random commands of 10 s, one after another.
+    /// push: pushes from four sides at five commands, stronger and stronger.
+    /// all: every suite but forward.
+    #[arg(
+        long, verbatim_doc_comment, value_delimiter = ',', default_value = "forward",
+        value_parser = ["forward", "falls", "tracking", "changes", "push", "all"],
+    )]
+    suite: Vec<String>,
     /// Physics engine; policies are judged in rapier.
     #[arg(long, value_parser = ["rapier", "lanes"], default_value = "rapier")]
     engine: String,
     /// Robot folder or URDF [default: the run's].
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Episodes for each command [default: the run's].
+    /// Episodes for each command [default: the run's; 10 in suites, where changes has 16 for each, and push a push].
     #[arg(long, value_name = "N")]
     episodes: Option<usize>,
-    /// Length of an episode [default: the run's].
+    /// Length of an episode [default: the run's; the suite's own in suites, where push watches as long].
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
     /// Seed of the episodes.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     seed: u64,
-    /// Without noise, latency and randomisation.
+    /// Only without noise, latency and randomisation.
     #[arg(long)]
     nominal: bool,
     /// Changes a single value of the run's configuration.
@@ -61,70 +79,67 @@ struct Loaded {
     steps: u64,
 }
 
+/// Sequences for each command of a suite (thesis 7.5).
+const EPISODES: usize = 10;
+
 /// Runs the command.
 ///
 /// # Errors
 /// Whatever is wrong with the run or the arguments.
 pub fn run(args: &Args) -> miette::Result<()> {
     let mut loaded = Loaded::open(args)?;
-    let eval = &loaded.settings.eval;
-    let suite = Suite {
-        commands: eval.commands.clone(),
-        episodes: eval.episodes,
-        seconds: eval.seconds,
-        seed: args.seed,
-        nominal: args.nominal,
-    };
-    let mut rollouts = Rollouts::new(args.run.join("rollouts"), &suite);
-    let agent = &mut loaded.agent;
-    let policy = |observations: &[f32], actions: &mut [f32]| agent.mode(observations, actions);
-    let rows = play(
-        loaded.robot.clone(),
-        &loaded.settings.env(),
-        &suite,
-        policy,
-        &mut rollouts,
-    )?;
-    let files = rollouts.finish()?;
-    let conditions = if args.nominal { "nominal" } else { "randomised" };
-    println!(
-        "{} after {} steps, {} conditions, {} episodes of {} s a command, {}",
-        args.run.display(),
-        loaded.steps,
-        conditions,
-        suite.episodes,
-        suite.seconds,
-        args.engine
-    );
-    print!("{}", table::to_text(&rows));
-    files.iter().for_each(|file| println!("rollout: {}", file.display()));
-    let result = json!({
+    let suites: Vec<Suite> = ALL
+        .into_iter()
+        .filter(|suite| args.suite.iter().any(|name| name == suite.name() || name == "all"))
+        .collect();
+    let judged = loaded.judged(args, &suites)?;
+    let mut result = json!({
         "policy": args.run.display().to_string(),
         "steps": loaded.steps,
         "engine": args.engine,
         "robot": loaded.robot.name,
         "seed": args.seed,
-        "conditions": conditions,
-        "seconds": suite.seconds,
-        "forward": { "rows": table::to_json(&rows) },
+        "conditions": conditions(args.nominal),
     });
-    let text = serde_json::to_string_pretty(&result).into_diagnostic()? + "\n";
-    write(&args.run.join("eval.json"), &text)?;
-    if let Some(file) = &args.json {
-        write(file, &text)?;
+    if args.suite.iter().any(|name| name == "forward") {
+        loaded.forward(args, &mut result)?;
+        save(args, &result)?;
+    }
+    if suites.is_empty() {
+        return Ok(());
+    }
+    let plan = Plan {
+        episodes: args.episodes.unwrap_or(EPISODES),
+        seconds: args.seconds,
+    };
+    result["suites"] = suites.iter().map(|suite| suite.name()).collect();
+    result["episodes"] = json!(plan.episodes);
+    if let Some(seconds) = plan.seconds {
+        result["seconds"] = json!(seconds);
+    }
+    println!(
+        "{} after {} steps, {}, seed {}",
+        args.run.display(),
+        loaded.steps,
+        args.engine,
+        args.seed
+    );
+    for suite in suites {
+        result[suite.name()] = loaded.suite(args, suite, &judged, &plan)?;
+        // After each: they take their time.
+        save(args, &result)?;
     }
     Ok(())
+}
+
+fn conditions(nominal: bool) -> &'static str {
+    if nominal { "nominal" } else { "randomised" }
 }
 
 impl Loaded {
     fn open(args: &Args) -> miette::Result<Self> {
         let run = RunFolder::open(&args.run)?;
-        let mut changes = args.set.clone();
-        changes.push(format!("engine.kind={}", args.engine));
-        changes.extend(args.episodes.map(|n| format!("eval.episodes={n}")));
-        changes.extend(args.seconds.map(|s| format!("eval.seconds={s:?}")));
-        let (settings, _) = load::settings(Some(&args.run.join("config.toml")), &changes)?;
-        within_bounds(&settings)?;
+        let (settings, _) = load::settings(Some(&args.run.join("config.toml")), &changes(args))?;
         let robot = load::robot(args.robot.as_deref().unwrap_or(&args.run.join("robot")))?;
         let latest = run
             .checkpoints()
@@ -146,35 +161,144 @@ impl Loaded {
             steps: latest.checkpoint.step,
         })
     }
+
+    /// The conditions in which `suites` judge the policy.
+    fn judged(&self, args: &Args, suites: &[Suite]) -> miette::Result<EnvConfig> {
+        if args.suite.iter().any(|name| name == "forward") {
+            within_bounds(&self.settings, "`eval.commands`", &self.settings.eval.commands)?;
+        }
+        for suite in suites {
+            within_bounds(
+                &self.settings,
+                &format!("what `{}` asks for", suite.name()),
+                suite.commands(),
+            )?;
+        }
+        let mut layers = Layers::new(DEFAULT)?
+            .file(&args.run.join("config.toml"))?
+            .text("conditions.toml (built in)", CONDITIONS)?;
+        for change in changes(args) {
+            layers = layers.set(&change)?;
+        }
+        Ok(layers.build::<Settings>()?.0.env())
+    }
+
+    /// Plays the commands of the run's own configuration.
+    fn forward(&mut self, args: &Args, result: &mut Value) -> miette::Result<()> {
+        let eval = &self.settings.eval;
+        let suite = Forward {
+            commands: eval.commands.clone(),
+            episodes: eval.episodes,
+            seconds: eval.seconds,
+            seed: args.seed,
+            nominal: args.nominal,
+        };
+        let mut rollouts = Rollouts::new(args.run.join("rollouts"), first_episodes(&suite));
+        let agent = &mut self.agent;
+        let policy = |observations: &[f32], actions: &mut [f32]| agent.mode(observations, actions);
+        let rows = play(self.robot.clone(), &self.settings.env(), &suite, policy, &mut rollouts)?;
+        let files = rollouts.finish()?;
+        println!(
+            "{} after {} steps, {} conditions, {} episodes of {} s a command, {}",
+            args.run.display(),
+            self.steps,
+            conditions(args.nominal),
+            suite.episodes,
+            suite.seconds,
+            args.engine
+        );
+        print!("{}", table::to_text(&rows));
+        files.iter().for_each(|file| println!("rollout: {}", file.display()));
+        result["seconds"] = json!(suite.seconds);
+        result["forward"] = json!({ "rows": table::to_json(&rows) });
+        Ok(())
+    }
+
+    /// Plays `suite` under the conditions `judged` and, beside that, without any randomisation.
+    fn suite(&mut self, args: &Args, suite: Suite, judged: &EnvConfig, plan: &Plan) -> miette::Result<Value> {
+        let mut rollouts = Rollouts::new(args.run.join("rollouts"), suite.rollouts());
+        let mut play = |nominally: bool, watch: Option<&mut dyn Watch>| {
+            let mut config = judged.clone();
+            if nominally {
+                nominal(&mut config);
+            }
+            let agent = &mut self.agent;
+            let mut stage = Stage {
+                robot: self.robot.clone(),
+                config,
+                seed: args.seed,
+                policy: &mut |observations, actions| agent.mode(observations, actions),
+            };
+            let results = suite.play(&mut stage, plan, watch)?;
+            println!(
+                "\n{}, {} conditions\n{}",
+                suite.name(),
+                conditions(nominally),
+                results.text().trim_end()
+            );
+            miette::Result::<Box<dyn Results>>::Ok(results)
+        };
+        let results = play(args.nominal, Some(&mut rollouts))?;
+        for file in rollouts.finish()? {
+            println!("rollout: {}", file.display());
+        }
+        for (name, canvas) in results.pictures()? {
+            let path = args.run.join(name);
+            write(&path, &canvas.png()?)?;
+            println!("picture: {}", path.display());
+        }
+        let mut json = results.json();
+        if !args.nominal {
+            json["nominal"] = play(true, None)?.json();
+        }
+        Ok(json)
+    }
+}
+
+/// What the arguments change of the configuration.
+fn changes(args: &Args) -> Vec<String> {
+    let mut changes = args.set.clone();
+    changes.push(format!("engine.kind={}", args.engine));
+    changes.extend(args.episodes.map(|n| format!("eval.episodes={n}")));
+    changes.extend(args.seconds.map(|s| format!("eval.seconds={s:?}")));
+    changes
 }
 
 /// The controller keeps what is asked of it within the bounds it was trained for, so that other commands would not
 /// be played as they are written.
-fn within_bounds(settings: &Settings) -> miette::Result<()> {
+fn within_bounds(settings: &Settings, what: &str, commands: &[[f64; 3]]) -> miette::Result<()> {
     let (lower, upper) = (settings.command.lower, settings.command.upper);
     let inside = |command: &[f64; 3]| (0..3).all(|k| (lower[k]..=upper[k]).contains(&command[k]));
-    match settings.eval.commands.iter().find(|command| !inside(command)) {
+    match commands.iter().find(|command| !inside(command)) {
         None => Ok(()),
         Some(command) => Err(miette!(
-            help = "for example --set 'eval.commands=[[0.0, 0.0, 0.0]]'",
-            "`eval.commands` must be within the bounds the policy was trained for, {lower:?} to {upper:?}, \
-             and {command:?} is not"
+            help = "for example --suite forward --set 'eval.commands=[[0.0, 0.0, 0.0]]'",
+            "{what} must be within the bounds the policy was trained for, {lower:?} to {upper:?}, and {command:?} is not"
         )),
     }
 }
 
-/// The first episode of each command as a log.
+/// The first episode of each command, as logs: file name and environment.
+fn first_episodes(suite: &Forward) -> Vec<(String, usize)> {
+    let name = |[x, y, turn]: [f64; 3]| format!("eval_{x:.2}_{y:.2}_{turn:.2}.mcap");
+    let commands = suite.commands.iter().enumerate();
+    commands
+        .map(|(i, &command)| (name(command), i * suite.episodes))
+        .collect()
+}
+
+/// Logs of the first episodes of some environments.
 struct Rollouts {
     folder: PathBuf,
-    suite: Suite,
+    logs: Vec<(String, usize)>,
     recorders: Vec<Recorder>,
 }
 
 impl Rollouts {
-    fn new(folder: PathBuf, suite: &Suite) -> Self {
+    fn new(folder: PathBuf, logs: Vec<(String, usize)>) -> Self {
         Self {
             folder,
-            suite: suite.clone(),
+            logs,
             recorders: Vec::new(),
         }
     }
@@ -191,10 +315,9 @@ impl Watch for Rollouts {
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot create {}", self.folder.display()))?;
         let shared = batch.shared();
-        for (i, [x, y, turn]) in self.suite.commands.iter().enumerate() {
-            let path = self.folder.join(format!("eval_{x:.2}_{y:.2}_{turn:.2}.mcap"));
-            let environment = i * self.suite.episodes;
-            let mut recorder = Recorder::create(&path, environment, &shared.robot, shared.config.control_dt())?;
+        for (name, environment) in &self.logs {
+            let path = self.folder.join(name);
+            let mut recorder = Recorder::create(&path, *environment, &shared.robot, shared.config.control_dt())?;
             recorder.state(batch)?;
             self.recorders.push(recorder);
         }
@@ -208,8 +331,14 @@ impl Watch for Rollouts {
     }
 }
 
-fn write(path: &Path, text: &str) -> miette::Result<()> {
-    write_atomic(path, text.as_bytes())
+fn save(args: &Args, result: &Value) -> miette::Result<()> {
+    let text = serde_json::to_string_pretty(result).into_diagnostic()? + "\n";
+    write(&args.run.join("eval.json"), text.as_bytes())?;
+    args.json.as_ref().map_or(Ok(()), |file| write(file, text.as_bytes()))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> miette::Result<()> {
+    write_atomic(path, bytes)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot write {}", path.display()))
 }

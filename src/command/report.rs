@@ -8,6 +8,7 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde_json::Value;
 
 use super::load;
+use crate::eval::suites::PICTURES;
 use crate::report::canvas::Canvas;
 use crate::report::curves::Curves;
 use crate::report::html::{About, page};
@@ -51,7 +52,9 @@ pub fn run(args: &Args) -> Result<()> {
     pictures.extend(motion_pictures(&runs[0])?);
     let encoded = pictures.iter().map(|(name, canvas)| Ok((*name, Canvas::png(canvas)?)));
     let pictures: Vec<(&str, Vec<u8>)> = encoded.collect::<Result<_>>()?;
-    let html = page(&pictures, &about, env!("CARGO_PKG_VERSION"));
+    let mut shown = pictures.clone();
+    shown.extend(evaluation_pictures(&runs[0], &about[0])?);
+    let html = page(&shown, &about, env!("CARGO_PKG_VERSION"));
 
     let folder = args.out.as_deref().unwrap_or(runs[0].path());
     fs::create_dir_all(folder)
@@ -99,6 +102,22 @@ fn motion_pictures(run: &RunFolder) -> Result<Vec<(&'static str, Canvas)>> {
         pictures.insert(0, ("gait.png", gait::draw(&motion, &robot)?));
     }
     Ok(pictures)
+}
+
+/// The pictures that the suites of the run's evaluation have drawn.
+fn evaluation_pictures(run: &RunFolder, about: &About) -> Result<Vec<(&'static str, Vec<u8>)>> {
+    let played = |suite: &&(&str, &[&'static str])| about.eval.as_ref().is_some_and(|eval| eval.get(suite.0).is_some());
+    let names = PICTURES.iter().filter(played).flat_map(|(_, names)| *names);
+    let paths = names.map(|name| (*name, run.path().join(name)));
+    let read = |path: PathBuf| {
+        fs::read(&path)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot read {}", path.display()))
+    };
+    paths
+        .filter(|(_, path)| path.is_file())
+        .map(|(name, path)| Ok((name, read(path)?)))
+        .collect()
 }
 
 /// The logs in a folder in the order of their names.
@@ -153,7 +172,22 @@ fn evaluation(run: &str, eval: &Value) -> String {
     if let Some(seed) = eval.get("seed").and_then(Value::as_u64) {
         command += &format!(" --seed {seed}");
     }
-    if let Some(episodes) = eval.pointer("/forward/rows/0/episodes").and_then(Value::as_u64) {
+    let suites: Vec<&str> = eval
+        .get("suites")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    if !suites.is_empty() {
+        let forward = eval.get("forward").map(|_| "forward");
+        let names: Vec<&str> = forward.into_iter().chain(suites).collect();
+        command += &format!(" --suite {}", names.join(","));
+    }
+    let episodes = eval
+        .get("episodes")
+        .or_else(|| eval.pointer("/forward/rows/0/episodes"));
+    if let Some(episodes) = episodes.and_then(Value::as_u64) {
         command += &format!(" --episodes {episodes}");
     }
     if let Some(seconds) = eval.get("seconds").and_then(Value::as_f64) {

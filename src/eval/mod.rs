@@ -1,5 +1,22 @@
-//! `omniwalk eval`: what a policy's mode does at given commands, as table, JSON and rollouts.
+//! `omniwalk eval`: what a policy's mode does, as tables, JSON, pictures and rollouts.
+//!
+//! By itself it plays the commands of a run's configuration ([`forward`]). The suites of the thesis's evaluation (7.5;
+//! [`suites`]) are made of [`trial`]s side by side, each with a [`meter`], and give figures with confidence intervals
+//! ([`stats`]).
 
+pub mod changes;
+pub mod falls;
+pub mod forward;
+pub mod hold;
+pub mod meter;
+pub mod pictures;
+pub mod push;
+pub mod pushing;
 pub mod rollout;
-pub mod suite;
+pub mod stats;
+pub mod suites;
+pub mod summary;
 pub mod table;
+pub mod tour;
+pub mod tracking;
+pub mod trial;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::suite::Row;
+use super::forward::Row;
 
 /// The rows as `eval --json` gives them.
 pub fn to_json(rows: &[Row]) -> Value {
@@ -40,7 +40,7 @@ fn row_json(row: &Row) -> Value {
 }
 
 /// JSON has no NaN: a figure nothing was measured for is null.
-fn number(x: f64) -> Value {
+pub fn number(x: f64) -> Value {
     if x.is_finite() { json!(x) } else { Value::Null }
 }
 

@@ -9,8 +9,11 @@ const STYLE: &str = "body{font:16px/1.5 sans-serif;max-width:80rem;margin:2rem a
     img{max-width:100%}table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid \
     #ddd}pre{background:#f4f5f7;padding:1rem;overflow:auto}";
 
-/// Columns of the evaluation table: title and JSON pointer into a row.
-const COLUMNS: [(&str, &str); 13] = [
+/// Columns of the evaluation tables: title and JSON pointer into a row. A table has those that one of its rows has.
+const COLUMNS: [(&str, &str); 16] = [
+    ("push from the", "/direction"),
+    ("all recovered, N", "/all_ten_n"),
+    ("any recovered, N", "/max_n"),
     ("falls", "/falls"),
     ("episodes", "/episodes"),
     ("v x, m/s", "/velocity/0"),
@@ -93,7 +96,12 @@ fn table(eval: &Value, out: &mut String) {
             continue;
         };
         let _ = write!(out, "<h4>{}</h4>\n<table><tr><th>command</th>", escaped(suite));
-        COLUMNS
+        let filled = |pointer: &str| {
+            rows.iter()
+                .any(|row| row.pointer(pointer).is_some_and(|x| !x.is_null()))
+        };
+        let columns: Vec<_> = COLUMNS.iter().filter(|(_, pointer)| filled(pointer)).collect();
+        columns
             .iter()
             .for_each(|(title, _)| *out += &format!("<th>{title}</th>"));
         *out += "</tr>\n";
@@ -101,7 +109,7 @@ fn table(eval: &Value, out: &mut String) {
             let command = row.get("command").and_then(Value::as_array);
             let command: Vec<String> = command.into_iter().flatten().map(cell).collect();
             let _ = write!(out, "<tr><td>{}</td>", escaped(&command.join(", ")));
-            for (_, pointer) in COLUMNS {
+            for (_, pointer) in &columns {
                 let _ = write!(
                     out,
                     "<td>{}</td>",

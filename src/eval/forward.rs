@@ -9,7 +9,7 @@ use omniwalk_env::{Batch, EnvConfig};
 
 /// What is asked of a policy.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Suite {
+pub struct Forward {
     /// Desired velocities (m/s, m/s, rad/s).
     pub commands: Vec<[f64; 3]>,
     /// Episodes for each.
@@ -32,22 +32,27 @@ pub struct Row {
 }
 
 /// The configuration a suite runs in: episodes at full length, commands that stay, nothing that widens with training.
-pub fn conditions(config: &EnvConfig, suite: &Suite) -> EnvConfig {
+pub fn conditions(config: &EnvConfig, suite: &Forward) -> EnvConfig {
     let mut config = config.clone();
     config.task.episode_seconds = suite.seconds;
     config.task.random_first_length = false;
     config.command.resample_seconds = 0.0;
     config.push.enabled = false;
     if suite.nominal {
-        config.noise.enabled = false;
-        config.latency.enabled = false;
-        config.friction.enabled = false;
-        config.randomise.pd_noise = 0.0;
-        config.randomise.mass = 0.0;
-        config.randomise.centre_of_mass = 0.0;
+        nominal(&mut config);
         config.randomise.start_position = 0.0;
     }
     config
+}
+
+/// Switches noise, latency and the randomisation of the physics off. Joints start where they did.
+pub fn nominal(config: &mut EnvConfig) {
+    config.noise.enabled = false;
+    config.latency.enabled = false;
+    config.friction.enabled = false;
+    config.randomise.pd_noise = 0.0;
+    config.randomise.mass = 0.0;
+    config.randomise.centre_of_mass = 0.0;
 }
 
 /// Sees a suite as it is played.
@@ -72,7 +77,7 @@ pub trait Watch {
 pub fn play(
     robot: Arc<Robot>,
     config: &EnvConfig,
-    suite: &Suite,
+    suite: &Forward,
     mut policy: impl FnMut(&[f32], &mut [f32]),
     watch: &mut dyn Watch,
 ) -> miette::Result<Vec<Row>> {
