@@ -117,7 +117,7 @@ fn files(folder: &Path) {
             "rollouts: 2",
         ],
     );
-    inspects(folder, "run/config.toml", &["engine.kind = "]);
+    inspects(folder, "run/config.toml", &["train.steps = 600"]);
     inspects(
         folder,
         "run/metrics.csv",
