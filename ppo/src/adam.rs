@@ -33,52 +33,53 @@ impl Step {
         }
     }
 
-    /// Changes the tile's parameters, and brings its panels up to date one after the other, while they are in the
-    /// cache.
+    /// Changes the tile's parameters and brings its transposed weights up to date, block by block, while they are in
+    /// the cache.
     pub(crate) fn apply(self, tile: &mut Tile) {
-        for first in (0..tile.outputs).step_by(PANEL) {
-            let end = (first + PANEL).min(tile.outputs);
-            self.apply_to(tile, first * tile.inputs..end * tile.inputs);
-            tile.pack_panel(first);
-        }
-        self.apply_to(tile, tile.outputs * tile.inputs..tile.parameters.len());
-    }
-
-    fn apply_to(self, tile: &mut Tile, range: Range<usize>) {
-        simd::dispatch(Apply {
-            step: self,
-            parameters: &mut tile.parameters[range.clone()],
-            gradient: &tile.gradient[range.clone()],
-            first: &mut tile.first_moment[range.clone()],
-            second: &mut tile.second_moment[range],
-        });
+        simd::dispatch(Apply { step: self, tile });
     }
 }
 
 struct Apply<'a> {
     step: Step,
-    parameters: &'a mut [f32],
-    gradient: &'a [f32],
-    first: &'a mut [f32],
-    second: &'a mut [f32],
+    tile: &'a mut Tile,
+}
+
+impl Apply<'_> {
+    #[inline(always)]
+    fn change<S: Simd>(&mut self, range: Range<usize>) {
+        let Step {
+            scale,
+            rate,
+            correction,
+        } = self.step;
+        let parameters = self.tile.parameters[range.clone()].iter_mut();
+        let gradient = &self.tile.gradient[range.clone()];
+        let first = self.tile.first_moment[range.clone()].iter_mut();
+        let second = self.tile.second_moment[range].iter_mut();
+        for ((x, &g), (m, v)) in parameters.zip(gradient).zip(first.zip(second)) {
+            let g = g * scale;
+            *m = S::fma(FIRST_DECAY as f32, *m, (1.0 - FIRST_DECAY) as f32 * g);
+            *v = S::fma(SECOND_DECAY as f32, *v, (1.0 - SECOND_DECAY) as f32 * g * g);
+            *x -= rate * *m / S::fma(v.sqrt(), correction, EPSILON as f32);
+        }
+    }
 }
 
 impl Kernel for Apply<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self) {
-        let Step {
-            scale,
-            rate,
-            correction,
-        } = self.step;
-        let moments = self.first.iter_mut().zip(self.second.iter_mut());
-        for ((x, &g), (m, v)) in self.parameters.iter_mut().zip(self.gradient).zip(moments) {
-            let g = g * scale;
-            *m = S::fma(FIRST_DECAY as f32, *m, (1.0 - FIRST_DECAY) as f32 * g);
-            *v = S::fma(SECOND_DECAY as f32, *v, (1.0 - SECOND_DECAY) as f32 * g * g);
-            *x -= rate * *m / S::fma(v.sqrt(), correction, EPSILON as f32);
+    fn run<S: Simd>(mut self) {
+        let (inputs, outputs) = (self.tile.inputs, self.tile.outputs);
+        for input in (0..inputs).step_by(PANEL) {
+            for output in (0..outputs).step_by(PANEL) {
+                let start = self.tile.index(output, input);
+                self.change::<S>(start..start + (outputs - output).min(PANEL) * PANEL);
+                self.tile.pack_block::<S>(output, input);
+            }
         }
+        let len = self.tile.parameters.len();
+        self.change::<S>(len - outputs..len);
     }
 }

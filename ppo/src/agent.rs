@@ -266,11 +266,14 @@ impl Agent {
     /// The policy as plain numbers.
     pub fn policy(&self) -> Policy {
         let (mean, deviation) = self.normaliser.applied();
-        let layer = |tiles: &[Tile]| Layer {
-            inputs: tiles[0].inputs,
-            outputs: tiles.iter().map(|tile| tile.outputs).sum(),
-            weights: tiles.iter().flat_map(Tile::weights).copied().collect(),
-            bias: tiles.iter().flat_map(Tile::bias).copied().collect(),
+        let layer = |tiles: &[Tile]| {
+            let (weights, bias): (Vec<_>, Vec<_>) = tiles.iter().map(|tile| tile.plain(&tile.parameters)).unzip();
+            Layer {
+                inputs: tiles[0].inputs,
+                outputs: tiles.iter().map(|tile| tile.outputs).sum(),
+                weights: weights.concat(),
+                bias: bias.concat(),
+            }
         };
         Policy {
             mean: mean.to_vec(),

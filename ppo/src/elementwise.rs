@@ -58,8 +58,6 @@ fn exp<S: Simd>(x: f32) -> f32 {
 
 struct Forward<'a> {
     values: &'a mut [f32],
-    panel: usize,
-    rows: usize,
     bias: &'a [f32],
     activation: Option<Activation>,
 }
@@ -67,13 +65,11 @@ struct Forward<'a> {
 impl Forward<'_> {
     #[inline(always)]
     fn each(self, function: impl Fn(f32) -> f32) {
-        for (panel, bias) in self.values.chunks_mut(self.panel).zip(self.bias.chunks(PANEL)) {
-            // The last panel's bias is filled up; what it does to the filling of the values is never read.
-            let mut full = [0.0; PANEL];
-            full[..bias.len()].copy_from_slice(bias);
-            for row in panel.chunks_exact_mut(PANEL).take(self.rows) {
-                row.iter_mut().zip(&full).for_each(|(y, b)| *y = function(*y + b));
-            }
+        // What fills up a panel is zero and remains so: every activation of zero is zero.
+        let mut bias = [0.0; PANEL];
+        bias[..self.bias.len()].copy_from_slice(self.bias);
+        for row in self.values.chunks_exact_mut(PANEL) {
+            row.iter_mut().zip(&bias).for_each(|(y, b)| *y = function(*y + b));
         }
     }
 }
@@ -92,12 +88,10 @@ impl Kernel for Forward<'_> {
     }
 }
 
-/// Adds the bias to rows of values in panels and applies the activation, if any.
-pub(crate) fn activate(values: &mut [f32], panel: usize, rows: usize, bias: &[f32], activation: Option<Activation>) {
+/// Adds the bias to rows of values in a panel and applies the activation, if any.
+pub(crate) fn activate(values: &mut [f32], bias: &[f32], activation: Option<Activation>) {
     simd::dispatch(Forward {
         values,
-        panel,
-        rows,
         bias,
         activation,
     });
@@ -106,23 +100,14 @@ pub(crate) fn activate(values: &mut [f32], panel: usize, rows: usize, bias: &[f3
 struct Backward<'a> {
     gradient: &'a mut [f32],
     outputs: &'a [f32],
-    panel: usize,
-    rows: usize,
     activation: Activation,
 }
 
 impl Backward<'_> {
     #[inline(always)]
     fn each(self, function: impl Fn(f32, f32) -> f32) {
-        for (gradient, outputs) in self
-            .gradient
-            .chunks_mut(self.panel)
-            .zip(self.outputs.chunks(self.panel))
-        {
-            let count = self.rows * PANEL;
-            let pairs = gradient[..count].iter_mut().zip(&outputs[..count]);
-            pairs.for_each(|(gradient, &output)| *gradient = function(*gradient, output));
-        }
+        let pairs = self.gradient.iter_mut().zip(self.outputs);
+        pairs.for_each(|(gradient, &output)| *gradient = function(*gradient, output));
     }
 }
 
@@ -139,13 +124,11 @@ impl Kernel for Backward<'_> {
     }
 }
 
-/// Turns the gradient by an activation's output into that by its input, given the outputs, all in panels.
-pub(crate) fn differentiate(gradient: &mut [f32], outputs: &[f32], panel: usize, rows: usize, activation: Activation) {
+/// Turns the gradient by an activation's output into that by its input, given the outputs, element by element.
+pub(crate) fn differentiate(gradient: &mut [f32], outputs: &[f32], activation: Activation) {
     simd::dispatch(Backward {
         gradient,
         outputs,
-        panel,
-        rows,
         activation,
     });
 }
@@ -156,7 +139,7 @@ mod tests {
 
     fn apply(activation: Activation, x: f32) -> f32 {
         let mut y = [x; PANEL];
-        activate(&mut y, PANEL, 1, &[0.0; PANEL], Some(activation));
+        activate(&mut y, &[0.0; PANEL], Some(activation));
         y[0]
     }
 

@@ -33,7 +33,11 @@ fn config(policy: Head, activation: Activation) -> Config {
 
 /// A network's parameters, layer by layer: weights (`outputs x inputs`), then biases.
 fn parameters(network: &Network, part: fn(&Tile) -> &[f32]) -> Vec<f64> {
-    network.tiles.iter().flat_map(part).map(|&x| f64::from(x)).collect()
+    let plain = |tile: &Tile| {
+        let (weights, bias) = tile.plain(part(tile));
+        [weights, bias].concat()
+    };
+    network.tiles.iter().flat_map(plain).map(f64::from).collect()
 }
 
 fn outputs(network: &Network, parameters: &[f64], input: &[f64]) -> Vec<f64> {
@@ -119,9 +123,12 @@ fn check(head: Head, activation: Activation) {
     let before = parameters(learned.actor, |tile| &tile.parameters);
     // Away from the old policy, so that ratios differ from 1 and some are clipped.
     for tile in learned.actor.tiles.iter_mut() {
-        tile.parameters
-            .iter_mut()
-            .for_each(|x| *x += random.random_range(-0.1..0.1));
+        let weights = (0..tile.outputs).flat_map(|o| (0..tile.inputs).map(move |i| (o, i)));
+        let weights: Vec<usize> = weights.map(|(output, input)| tile.index(output, input)).collect();
+        let biases = tile.parameters.len() - tile.outputs..tile.parameters.len();
+        for index in weights.into_iter().chain(biases) {
+            tile.parameters[index] += random.random_range(-0.1..0.1);
+        }
         tile.pack();
     }
     let count = 2 * rollout.samples();

@@ -6,7 +6,7 @@
 //! both in each call. Each element of a product is summed over the depth in one order, whatever the number of rows, so
 //! a sample's output does not depend on its neighbours.
 
-use crate::simd::{self, Kernel, Left, Out, PANEL, Simd};
+use crate::simd::{self, Kernel, Left, PANEL, Simd};
 
 /// Depth of a block of the product: a panel of it stays in the first-level cache. A multiple of [`PANEL`].
 const DEPTH: usize = 256;
@@ -66,33 +66,7 @@ impl Panels {
     }
 }
 
-/// Puts some rows of a row-major matrix (`columns` wide), from the `first` on, into panels of `rows` rows.
-pub(crate) fn pack(from: &[f32], columns: usize, first: usize, rows: usize, to: &mut [f32]) {
-    for (panel, to) in to.chunks_exact_mut(rows * PANEL).enumerate() {
-        let column = panel * PANEL;
-        let count = (columns - column).min(PANEL);
-        for (from, to) in from
-            .chunks_exact(columns)
-            .zip(to[first * PANEL..].chunks_exact_mut(PANEL))
-        {
-            to[..count].copy_from_slice(&from[column..][..count]);
-        }
-    }
-}
-
-/// Puts the transpose of a row-major matrix of at most [`PANEL`] rows into one panel.
-pub(crate) fn pack_transposed(from: &[f32], columns: usize, to: &mut [f32]) {
-    // Blocks of 16 read whole cache lines of the source.
-    for (block, to) in to.chunks_mut(16 * PANEL).enumerate() {
-        for (row, from) in from.chunks_exact(columns).enumerate() {
-            for (to, from) in to[row..].iter_mut().step_by(PANEL).zip(&from[block * 16..]) {
-                *to = *from;
-            }
-        }
-    }
-}
-
-/// The product `out = left * right`.
+/// The product `out = left * right` for one panel of the right operand and of the output.
 pub(crate) struct Product<'a> {
     /// Left operand, `rows x depth`.
     pub left: Left<'a>,
@@ -100,18 +74,10 @@ pub(crate) struct Product<'a> {
     pub rows: usize,
     /// Columns of the left operand, rows of the right one.
     pub depth: usize,
-    /// Right operand, in panels.
+    /// Panel of the right operand.
     pub right: &'a [f32],
-    /// Floats from a panel of the right operand to the next.
-    pub right_panel: usize,
-    /// Columns of the right operand and of the output.
-    pub columns: usize,
-    /// Output.
+    /// Panel of the output.
     pub out: &'a mut [f32],
-    /// Floats from a row of the output to the next.
-    pub out_stride: usize,
-    /// Floats from [`PANEL`] columns of the output to the next.
-    pub out_panel: usize,
     /// Add to the output instead of setting it.
     pub accumulate: bool,
 }
@@ -128,29 +94,19 @@ impl Kernel for Product<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self) {
-        for panel in 0..self.columns.div_ceil(PANEL) {
-            let columns = (self.columns - panel * PANEL).min(PANEL);
-            for start in (0..self.depth).step_by(DEPTH) {
-                let depth = (self.depth - start).min(DEPTH);
-                let offset = start
-                    * if self.left.transposed {
-                        PANEL
-                    } else {
-                        self.left.panel / PANEL
-                    };
-                let left = Left {
-                    data: &self.left.data[offset..],
-                    ..self.left
-                };
-                let right = &self.right[panel * self.right_panel + start * PANEL..];
-                let data = &mut self.out[panel * self.out_panel..];
-                let out = Out {
-                    data,
-                    stride: self.out_stride,
-                    accumulate: self.accumulate || start > 0,
-                };
-                simd::tile::<S>(left, self.rows, depth, right, columns, out);
-            }
+        let step = if self.left.transposed {
+            PANEL
+        } else {
+            self.left.panel / PANEL
+        };
+        for start in (0..self.depth).step_by(DEPTH) {
+            let depth = (self.depth - start).min(DEPTH);
+            let left = Left {
+                data: &self.left.data[start * step..],
+                ..self.left
+            };
+            let right = &self.right[start * PANEL..];
+            simd::tile::<S>(left, self.rows, depth, right, self.out, self.accumulate || start > 0);
         }
     }
 }
@@ -184,25 +140,45 @@ mod tests {
             let left = if transposed { panels(depth, rows, 1) } else { panels(rows, depth, 1) };
             let right = panels(depth, columns, 2);
             for level in [Level::Baseline, Level::Avx2, Level::Avx512] {
-                let mut out = vec![0.5; rows * columns];
-                simd::dispatch_on(level, Product {
-                    left: left.left(0, transposed),
-                    rows,
-                    depth,
-                    right: &right.data,
-                    right_panel: right.panel,
-                    columns,
-                    out: &mut out,
-                    out_stride: columns,
-                    out_panel: PANEL,
-                    accumulate,
-                });
+                let mut out = Panels::new(rows, columns);
+                out.data.fill(0.5);
+                let panels = out.data.chunks_exact_mut(out.panel).zip(right.data.chunks_exact(right.panel));
+                for (out, right) in panels {
+                    let left = left.left(0, transposed);
+                    simd::dispatch_on(level, Product { left, rows, depth, right, out, accumulate });
+                }
                 for i in 0..rows {
                     for j in 0..columns {
                         let of = |k| if transposed { element(k, i, 1) } else { element(i, k, 1) };
                         let sum: f32 = (0..depth).map(|k| of(k) * element(k, j, 2)).sum();
                         let expected = if accumulate { sum + 0.5 } else { sum };
-                        prop_assert_eq!(out[i * columns + j], expected, "{:?} {} {}", level, i, j);
+                        prop_assert_eq!(out.get(i, j), expected, "{:?} {} {}", level, i, j);
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn transposes_of_every_instruction_set_have_rows_and_columns_exchanged(
+            rows in 1_usize..=PANEL,
+            columns in 1_usize..=PANEL,
+        ) {
+            struct Transpose<'a>(&'a [f32], &'a mut [f32]);
+            impl Kernel for Transpose<'_> {
+                type Output = ();
+                #[inline(always)]
+                fn run<S: Simd>(self) {
+                    simd::transpose::<S>(self.0, self.1);
+                }
+            }
+            let from = panels(rows, columns, 1);
+            for level in [Level::Baseline, Level::Avx2, Level::Avx512] {
+                let mut to = panels(columns, PANEL, 2);
+                simd::dispatch_on(level, Transpose(&from.data, &mut to.data));
+                for i in 0..PANEL {
+                    for j in 0..columns {
+                        let expected = if i < rows { from.get(i, j) } else { element(j, i, 2) };
+                        prop_assert_eq!(to.get(j, i), expected, "{:?} {} {}", level, i, j);
                     }
                 }
             }

@@ -11,8 +11,8 @@ use rand::{Rng, RngExt};
 
 use crate::{
     elementwise::{Activation, activate, differentiate},
-    matrix::{Panels, Product, pack, pack_transposed, panels_len},
-    simd::PANEL,
+    matrix::{Panels, Product, panels_len},
+    simd::{self, Kernel, PANEL, Simd},
 };
 
 /// Most outputs of a tile, a multiple of [`PANEL`].
@@ -25,7 +25,8 @@ pub(crate) struct Tile {
     /// First output within the layer.
     pub first: usize,
     pub layer: usize,
-    /// Weights, row-major (`outputs x inputs`), then biases.
+    /// Weights (`outputs x inputs`) in panels, what fills up the last one zero, then biases. So they are the right
+    /// operand of the backward pass, and their gradient an output of products, as they lie.
     pub parameters: Vec<f32>,
     /// Gradient of the loss, in the same order.
     pub gradient: Vec<f32>,
@@ -36,14 +37,12 @@ pub(crate) struct Tile {
     /// Adam's mean of the squared gradient.
     pub second_moment: Vec<f32>,
     /// Transposed weights (`inputs x outputs`) in panels: right operand of the forward pass.
-    forward: Vec<f32>,
-    /// Weights (`outputs x inputs`) in panels: right operand of the backward pass. Empty in the first layer.
-    backward: Vec<f32>,
+    pub forward: Vec<f32>,
 }
 
 impl Tile {
     fn new(layer: usize, first: usize, inputs: usize, outputs: usize) -> Self {
-        let parameters = vec![0.0; outputs * (inputs + 1)];
+        let parameters = vec![0.0; panels_len(outputs, inputs) + outputs];
         Self {
             inputs,
             outputs,
@@ -55,71 +54,73 @@ impl Tile {
             second_moment: parameters.clone(),
             parameters,
             forward: vec![0.0; panels_len(inputs, outputs)],
-            backward: if layer == 0 {
-                Vec::new()
-            } else {
-                vec![0.0; panels_len(outputs, inputs)]
-            },
         }
     }
 
     /// Biases.
     pub(crate) fn bias(&self) -> &[f32] {
-        &self.parameters[self.outputs * self.inputs..]
+        &self.parameters[panels_len(self.outputs, self.inputs)..]
     }
 
-    /// Weights, row-major (`outputs x inputs`).
-    pub(crate) fn weights(&self) -> &[f32] {
-        &self.parameters[..self.outputs * self.inputs]
+    /// Rows of weights (`outputs x inputs`), and biases, of one of the arrays of parameters.
+    pub(crate) fn plain(&self, part: &[f32]) -> (Vec<f32>, Vec<f32>) {
+        let (weights, bias) = part.split_at(panels_len(self.outputs, self.inputs));
+        let index = |output| (0..self.inputs).map(move |input| self.index(output, input));
+        let rows = (0..self.outputs).flat_map(index).map(|i| weights[i]).collect();
+        (rows, bias.to_vec())
     }
 
-    /// Brings the forms in panels up to date with the parameters.
+    /// Where a weight lies among the parameters.
+    pub(crate) fn index(&self, output: usize, input: usize) -> usize {
+        (input / PANEL * self.outputs + output) * PANEL + input % PANEL
+    }
+
+    /// Brings the transposed weights up to date with the parameters.
     pub(crate) fn pack(&mut self) {
-        for first in (0..self.outputs).step_by(PANEL) {
-            self.pack_panel(first);
-        }
+        simd::dispatch(Pack(self));
     }
 
-    /// The same for a panel's worth of outputs.
-    pub(crate) fn pack_panel(&mut self, first: usize) {
-        let inputs = self.inputs;
-        let count = (self.outputs - first).min(PANEL);
-        let weights = &self.parameters[first * inputs..][..count * inputs];
-        pack_transposed(weights, inputs, &mut self.forward[first * inputs..][..PANEL * inputs]);
-        if !self.backward.is_empty() {
-            pack(weights, inputs, first, self.outputs, &mut self.backward);
-        }
+    /// The same for weights between a panel's worth of outputs and one of inputs, from the given ones on, in a kernel.
+    #[inline(always)]
+    pub(crate) fn pack_block<S: Simd>(&mut self, output: usize, input: usize) {
+        let (outputs, inputs) = ((self.outputs - output).min(PANEL), (self.inputs - input).min(PANEL));
+        let from = &self.parameters[self.index(output, input)..][..outputs * PANEL];
+        let to = &mut self.forward[output * self.inputs + input * PANEL..][..inputs * PANEL];
+        simd::transpose::<S>(from, to);
     }
 
-    /// Adds (or, if `first`, sets) the gradient of chunks that have passed back.
-    pub(crate) fn accumulate<'a>(&mut self, passes: impl Iterator<Item = &'a Pass>, mut first: bool) {
-        let (weights, bias) = self.gradient.split_at_mut(self.outputs * self.inputs);
-        for pass in passes.filter(|pass| pass.rows > 0) {
-            let (values, gradients) = (&pass.values[self.layer], &pass.gradients[self.layer]);
-            Product {
-                left: gradients.left(self.first / PANEL, true),
-                rows: self.outputs,
-                depth: pass.rows,
-                right: &values.data,
-                right_panel: values.panel,
-                columns: self.inputs,
-                out: weights,
-                out_stride: self.inputs,
-                out_panel: PANEL,
-                accumulate: !first,
+    /// Sets the gradient to that of chunks that have passed back, or adds that if `add`.
+    pub(crate) fn accumulate<'a>(&mut self, passes: impl Iterator<Item = &'a Pass> + Clone, add: bool) {
+        let (weights, bias) = self.gradient.split_at_mut(panels_len(self.outputs, self.inputs));
+        let passes = passes.filter(|pass| pass.rows > 0);
+        // A panel of the gradient stays in the cache while the chunks add to it.
+        for (panel, out) in weights.chunks_exact_mut(self.outputs * PANEL).enumerate() {
+            for (index, pass) in passes.clone().enumerate() {
+                let (values, gradients) = (&pass.values[self.layer], &pass.gradients[self.layer]);
+                Product {
+                    left: gradients.left(self.first / PANEL, true),
+                    rows: self.outputs,
+                    depth: pass.rows,
+                    right: &values.data[panel * values.panel..][..values.panel],
+                    out: &mut *out,
+                    accumulate: add || index > 0,
+                }
+                .run();
             }
-            .run();
+        }
+        if !add {
+            bias.fill(0.0);
+        }
+        for pass in passes {
+            let gradients = &pass.gradients[self.layer];
             let panels = gradients.data[self.first / PANEL * gradients.panel..].chunks(gradients.panel);
             for (bias, panel) in bias.chunks_mut(PANEL).zip(panels) {
                 let mut sums = [0.0; PANEL];
                 for row in panel.chunks_exact(PANEL).take(pass.rows) {
                     sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
                 }
-                bias.iter_mut()
-                    .zip(sums)
-                    .for_each(|(bias, sum)| *bias = if first { sum } else { *bias + sum });
+                bias.iter_mut().zip(sums).for_each(|(bias, sum)| *bias += sum);
             }
-            first = false;
         }
     }
 
@@ -133,6 +134,21 @@ impl Tile {
                 .for_each(|(sum, &g)| *sum += f64::from(g) * f64::from(g));
         }
         sums.iter().sum()
+    }
+}
+
+struct Pack<'a>(&'a mut Tile);
+
+impl Kernel for Pack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self) {
+        for output in (0..self.0.outputs).step_by(PANEL) {
+            for input in (0..self.0.inputs).step_by(PANEL) {
+                self.0.pack_block::<S>(output, input);
+            }
+        }
     }
 }
 
@@ -187,11 +203,12 @@ impl Network {
             let gain = if layer == last { gain } else { std::f64::consts::SQRT_2 };
             let weights = orthogonal(outputs, inputs, random);
             for tile in &mut network.tiles[network.layers[layer].clone()] {
-                let from = &weights[tile.first * inputs..][..tile.outputs * inputs];
-                tile.parameters
-                    .iter_mut()
-                    .zip(from)
-                    .for_each(|(to, from)| *to = (gain * from) as f32);
+                for output in 0..tile.outputs {
+                    for input in 0..inputs {
+                        let index = tile.index(output, input);
+                        tile.parameters[index] = (gain * weights[(tile.first + output) * inputs + input]) as f32;
+                    }
+                }
             }
         }
         network.tiles.iter_mut().for_each(Tile::pack);
@@ -210,21 +227,21 @@ impl Network {
             let (inputs, outputs) = (&before[layer], &mut after[0]);
             let activation = (layer + 1 < self.layers.len()).then_some(self.activation);
             for tile in &self.tiles[self.layers[layer].clone()] {
-                let out = &mut outputs.data[tile.first / PANEL * outputs.panel..];
-                Product {
-                    left: inputs.left(0, false),
-                    rows: pass.rows,
-                    depth: tile.inputs,
-                    right: &tile.forward,
-                    right_panel: tile.inputs * PANEL,
-                    columns: tile.outputs.next_multiple_of(PANEL),
-                    out: &mut *out,
-                    out_stride: PANEL,
-                    out_panel: outputs.panel,
-                    accumulate: false,
+                let weights = tile.forward.chunks_exact(tile.inputs * PANEL);
+                let out = outputs.data.chunks_exact_mut(outputs.panel).skip(tile.first / PANEL);
+                // The activation finds a panel in the cache.
+                for ((right, bias), out) in weights.zip(tile.bias().chunks(PANEL)).zip(out) {
+                    Product {
+                        left: inputs.left(0, false),
+                        rows: pass.rows,
+                        depth: tile.inputs,
+                        right,
+                        out: &mut *out,
+                        accumulate: false,
+                    }
+                    .run();
+                    activate(&mut out[..pass.rows * PANEL], bias, activation);
                 }
-                .run();
-                activate(out, outputs.panel, pass.rows, tile.bias(), activation);
             }
         }
     }
@@ -234,29 +251,23 @@ impl Network {
         for layer in (1..self.layers.len()).rev() {
             let (before, after) = pass.gradients.split_at_mut(layer);
             let (by_inputs, by_outputs) = (&mut before[layer - 1], &after[0]);
-            for (index, tile) in self.tiles[self.layers[layer].clone()].iter().enumerate() {
-                Product {
-                    left: by_outputs.left(tile.first / PANEL, false),
-                    rows: pass.rows,
-                    depth: tile.outputs,
-                    right: &tile.backward,
-                    right_panel: tile.outputs * PANEL,
-                    columns: tile.inputs.next_multiple_of(PANEL),
-                    out: &mut by_inputs.data,
-                    out_stride: PANEL,
-                    out_panel: by_inputs.panel,
-                    accumulate: index > 0,
-                }
-                .run();
-            }
             let values = &pass.values[layer];
-            differentiate(
-                &mut by_inputs.data,
-                &values.data,
-                values.panel,
-                pass.rows,
-                self.activation,
-            );
+            let panels = by_inputs.data.chunks_exact_mut(by_inputs.panel);
+            for (panel, (out, values)) in panels.zip(values.data.chunks_exact(values.panel)).enumerate() {
+                for (index, tile) in self.tiles[self.layers[layer].clone()].iter().enumerate() {
+                    Product {
+                        left: by_outputs.left(tile.first / PANEL, false),
+                        rows: pass.rows,
+                        depth: tile.outputs,
+                        right: &tile.parameters[panel * tile.outputs * PANEL..][..tile.outputs * PANEL],
+                        out: &mut *out,
+                        accumulate: index > 0,
+                    }
+                    .run();
+                }
+                let count = pass.rows * PANEL;
+                differentiate(&mut out[..count], &values[..count], self.activation);
+            }
         }
     }
 }

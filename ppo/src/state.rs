@@ -140,16 +140,8 @@ fn save_network(prefix: &str, network: &Network, tensors: &mut Vec<Tensor>) {
         for (layer, range) in network.layers.iter().enumerate() {
             let tiles = &network.tiles[range.clone()];
             let (inputs, outputs) = (network.widths[layer], network.widths[layer + 1]);
-            let weights = tiles
-                .iter()
-                .flat_map(|tile| &part(tile)[..tile.outputs * inputs])
-                .copied()
-                .collect();
-            let bias = tiles
-                .iter()
-                .flat_map(|tile| &part(tile)[tile.outputs * inputs..])
-                .copied()
-                .collect();
+            let (weights, bias): (Vec<_>, Vec<_>) = tiles.iter().map(|tile| tile.plain(part(tile))).unzip();
+            let (weights, bias) = (weights.concat(), bias.concat());
             tensors.push(Tensor {
                 name: format!("{prefix}.{layer}.weight{suffix}"),
                 shape: vec![outputs, inputs],
@@ -171,10 +163,16 @@ fn load_network(prefix: &str, network: &mut Network, tensors: &[Tensor]) -> Resu
             let weights = find_f32(tensors, &format!("{prefix}.{layer}.weight{suffix}"), &[outputs, inputs])?;
             let bias = find_f32(tensors, &format!("{prefix}.{layer}.bias{suffix}"), &[outputs])?;
             for tile in &mut network.tiles[range.clone()] {
-                let (first, count) = (tile.first, tile.outputs);
-                let (to_weights, to_bias) = part(tile).split_at_mut(count * inputs);
-                to_weights.copy_from_slice(&weights[first * inputs..][..count * inputs]);
-                to_bias.copy_from_slice(&bias[first..][..count]);
+                for output in 0..tile.outputs {
+                    for input in 0..inputs {
+                        let index = tile.index(output, input);
+                        part(tile)[index] = weights[(tile.first + output) * inputs + input];
+                    }
+                }
+                let bias = &bias[tile.first..][..tile.outputs];
+                let to = part(tile);
+                let start = to.len() - bias.len();
+                to[start..].copy_from_slice(bias);
             }
         }
     }

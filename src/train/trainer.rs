@@ -151,6 +151,11 @@ impl Trainer {
 
     /// Collects samples, learns from them, advances the curriculum.
     pub fn update(&mut self) -> Report {
+        // Once inside the pool: from outside it, every parallel loop of every step would wake a thread of it and wait.
+        rayon::scope(|_| self.iterate())
+    }
+
+    fn iterate(&mut self) -> Report {
         let start = Instant::now();
         let mut split = Split::default();
         let (terms, lost, falls) = self.collect(&mut split);

@@ -40,6 +40,16 @@ pub(crate) struct LossSums {
     pub clipped: f64,
 }
 
+impl LossSums {
+    /// Adds those over other samples.
+    pub(crate) fn add(&mut self, other: Self) {
+        self.policy_loss += other.policy_loss;
+        self.entropy += other.entropy;
+        self.kl += other.kl;
+        self.clipped += other.clipped;
+    }
+}
+
 /// Buffers of [`loss`], by elements (`rows x actions`): outputs, and terms in arrays of their own.
 #[derive(Default)]
 pub(crate) struct HeadScratch {
