@@ -12,7 +12,10 @@ for seed in 1 2 3; do
     [ -d "$run" ] || "$omniwalk" train configs/forward.toml --seed "$seed" --run "$run"
     "$omniwalk" eval "$run" | tee "$run/eval.txt"
     mkdir -p "$here/seed-$seed"
-    cp "$run/config.toml" "$run/eval.json" "$run/eval.txt" "$here/seed-$seed/"
+    cp "$run/config.toml" "$here/seed-$seed/"
+    for file in eval.json eval.txt; do
+        sed "/^rollout/d; s#$run#seed-$seed#" "$run/$file" > "$here/seed-$seed/$file"
+    done
     awk 'NR == 1 || NR % 20 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done
 "$omniwalk" report "$out/seed-1" "$out/seed-2" "$out/seed-3" --out "$here"
