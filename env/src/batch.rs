@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use omniwalk_controller::{ROW, RowObserver};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -15,9 +16,12 @@ use crate::engine::{self, BaseState, Engine};
 use crate::error::EnvError;
 use crate::robot::{Base, Robot};
 use crate::task::command::CommandRange;
-use crate::task::environment::{End, Environment, Episode, Scratch};
+use crate::task::environment::{Environment, Scratch};
+use crate::task::episode::{End, Episode, Outcome};
+use crate::task::poses::Poses;
 use crate::task::reward::{Factors, Terms};
 use crate::task::shared::Shared;
+use crate::truth::Truth;
 
 /// A batch of environments. Row `e` of every array belongs to environment `e`.
 pub struct Batch {
@@ -33,16 +37,23 @@ pub struct Batch {
 
 /// The environments around one engine object.
 struct Group {
-    first: usize,
     engine: Box<dyn Engine>,
     actuators: Actuators,
     environments: Vec<Environment>,
-    scratch: Scratch,
-    observations: Vec<f32>,
-    final_observations: Vec<f32>,
-    terms: Vec<Terms>,
-    ends: Vec<Option<End>>,
     episodes: Vec<Episode>,
+    scratch: Scratch,
+    poses: Poses,
+    /// The bases at the end of the step; `None` where the physics has gone non-finite.
+    truths: Vec<Option<Truth>>,
+    observer: RowObserver,
+}
+
+/// A group's rows of the batch's arrays.
+struct Rows<'a> {
+    observations: &'a mut [f32],
+    final_observations: &'a mut [f32],
+    terms: &'a mut [Terms],
+    ends: &'a mut [Option<End>],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -170,20 +181,40 @@ impl Batch {
     /// Starts an episode everywhere.
     pub fn reset(&mut self) {
         let shared = &self.shared;
-        self.groups.par_iter_mut().for_each(|group| group.reset(shared));
-        self.gather();
+        let rows = self.groups[0].environments.len() * shared.spec.observation_len();
+        self.groups
+            .par_iter_mut()
+            .zip(self.observations.par_chunks_mut(rows))
+            .for_each(|(group, observations)| group.reset(shared, observations));
     }
 
     /// One control step: `actions` in [0, 1], one row an environment.
     pub fn step(&mut self, actions: &[f32]) {
-        let joints = self.shared.spec.action_len();
+        let (joints, n) = (self.shared.spec.action_len(), self.shared.spec.observation_len());
         debug_assert_eq!(actions.len(), self.environments() * joints);
         let (shared, factors) = (&self.shared, self.factors);
-        self.groups.par_iter_mut().for_each(|group| {
-            let rows = group.first * joints..(group.first + group.environments.len()) * joints;
-            group.step(shared, factors, &actions[rows]);
-        });
-        self.gather();
+        let width = self.groups[0].environments.len();
+        self.groups
+            .par_iter_mut()
+            .zip(self.observations.par_chunks_mut(width * n))
+            .zip(self.final_observations.par_chunks_mut(width * n))
+            .zip(self.terms.par_chunks_mut(width))
+            .zip(self.ends.par_chunks_mut(width))
+            .zip(actions.par_chunks(width * joints))
+            .for_each(
+                |(((((group, observations), final_observations), terms), ends), actions)| {
+                    let rows = Rows {
+                        observations,
+                        final_observations,
+                        terms,
+                        ends,
+                    };
+                    group.step(shared, factors, actions, rows);
+                },
+            );
+        for group in &mut self.groups {
+            self.episodes.append(&mut group.episodes);
+        }
     }
 
     /// The environment `e`, its engine and its world there.
@@ -204,7 +235,9 @@ impl Batch {
 
     /// Everything that determines the future of the batch.
     pub fn save(&self) -> Vec<u8> {
-        let groups = self.groups.iter().map(Group::save).collect();
+        let rows = self.groups[0].environments.len() * self.shared.spec.observation_len();
+        let groups = self.groups.iter().zip(self.observations.chunks(rows));
+        let groups = groups.map(|(group, observations)| group.save(observations)).collect();
         postcard::to_stdvec(&Saved {
             factors: self.factors,
             groups,
@@ -226,10 +259,11 @@ impl Batch {
             )));
         }
         self.factors = saved.factors;
-        for (group, saved) in self.groups.iter_mut().zip(saved.groups) {
-            group.load(saved)?;
+        let rows = self.groups[0].environments.len() * self.shared.spec.observation_len();
+        let groups = self.groups.iter_mut().zip(self.observations.chunks_mut(rows));
+        for ((group, observations), saved) in groups.zip(saved.groups) {
+            group.load(saved, observations)?;
         }
-        self.gather();
         Ok(())
     }
 
@@ -237,93 +271,104 @@ impl Batch {
         let width = self.groups[0].environments.len();
         (e / width, e % width)
     }
-
-    fn gather(&mut self) {
-        let n = self.shared.spec.observation_len();
-        for group in &mut self.groups {
-            let rows = group.first..group.first + group.environments.len();
-            let wide = rows.start * n..rows.end * n;
-            self.observations[wide.clone()].copy_from_slice(&group.observations);
-            self.final_observations[wide].copy_from_slice(&group.final_observations);
-            self.terms[rows.clone()].copy_from_slice(&group.terms);
-            self.ends[rows].copy_from_slice(&group.ends);
-            self.episodes.append(&mut group.episodes);
-        }
-    }
 }
 
 impl Group {
     fn new(shared: &Shared, first: usize, worlds: usize) -> Result<Self, EnvError> {
-        let n = shared.spec.observation_len();
         Ok(Self {
-            first,
             engine: engine::build(&shared.robot, &shared.config, worlds)?,
             actuators: Actuators::new(&shared.robot, worlds),
             environments: (0..worlds)
                 .map(|w| Environment::new(shared, first + w))
                 .collect::<Result<_, _>>()?,
-            scratch: Scratch::new(shared),
-            observations: vec![0.0; worlds * n],
-            final_observations: vec![0.0; worlds * n],
-            terms: vec![Terms::default(); worlds],
-            ends: vec![None; worlds],
             episodes: Vec::with_capacity(worlds),
+            scratch: Scratch::new(shared),
+            poses: Poses::new(&shared.robot, worlds),
+            truths: vec![None; worlds],
+            observer: RowObserver::new(&shared.spec),
         })
     }
 
-    fn reset(&mut self, shared: &Shared) {
-        let n = shared.spec.observation_len();
-        let Self {
-            engine,
-            actuators,
-            environments,
-            scratch,
-            observations,
-            ..
-        } = self;
-        for (w, (environment, row)) in environments
-            .iter_mut()
-            .zip(observations.chunks_exact_mut(n))
-            .enumerate()
-        {
-            environment.reset(shared, &mut **engine, actuators, w, scratch, row);
+    fn reset(&mut self, shared: &Shared, observations: &mut [f32]) {
+        let rows = observations.chunks_exact_mut(shared.spec.observation_len());
+        for (w, (environment, row)) in self.environments.iter_mut().zip(rows).enumerate() {
+            environment.reset(
+                shared,
+                &mut *self.engine,
+                &mut self.actuators,
+                w,
+                &mut self.scratch,
+                row,
+            );
         }
     }
 
-    fn step(&mut self, shared: &Shared, factors: Factors, actions: &[f32]) {
-        let (n, joints) = (shared.spec.observation_len(), shared.spec.action_len());
+    fn step(&mut self, shared: &Shared, factors: Factors, actions: &[f32], mut rows: Rows) {
         let Self {
             engine,
             actuators,
             environments,
-            scratch,
             ..
         } = self;
         let engine = &mut **engine;
-        for (w, (environment, action)) in environments.iter_mut().zip(actions.chunks_exact(joints)).enumerate() {
+        let actions = actions.chunks_exact(shared.spec.action_len());
+        for (w, (environment, action)) in environments.iter_mut().zip(actions).enumerate() {
             environment.act(shared, engine, actuators, w, action);
         }
-        let dt = shared.config.physics_dt();
+        let (dt, worlds) = (shared.config.physics_dt(), environments.len());
         for _ in 0..shared.config.substeps() {
             engine.step(actuators.drive(engine.joints()));
+            let loads = engine.foot_loads();
             for (w, environment) in environments.iter_mut().enumerate() {
-                environment.forces(engine, w, dt);
+                environment.forces(&loads[w..], worlds, dt);
             }
         }
-        for (w, environment) in environments.iter_mut().enumerate() {
-            let row = &mut self.observations[w * n..(w + 1) * n];
-            let outcome = environment.finish(shared, engine, w, factors, scratch, row);
-            self.terms[w] = outcome.terms;
-            self.ends[w] = outcome.end;
+        self.observe(shared, rows.observations);
+        self.judge(shared, factors, &mut rows);
+    }
+
+    /// Reads the sensors of every world and writes the observations.
+    fn observe(&mut self, shared: &Shared, observations: &mut [f32]) {
+        self.poses.look(&mut *self.engine);
+        for (w, (environment, truth)) in self.environments.iter_mut().zip(&mut self.truths).enumerate() {
+            *truth = environment.sense(shared, &*self.engine, w, &self.poses);
+        }
+        let n = shared.spec.observation_len();
+        let places = self.environments.chunks_mut(ROW).zip(self.truths.chunks(ROW));
+        for ((environments, truths), rows) in places.zip(observations.chunks_mut(ROW * n)) {
+            let mut places = environments.iter_mut().zip(truths).zip(rows.chunks_exact_mut(n));
+            let mut turns = std::array::from_fn(|_| {
+                let ((environment, truth), row) = places.next()?;
+                truth.as_ref().map(|truth| environment.turn(shared, truth, row))
+            });
+            self.observer.observe(&shared.spec, &mut turns);
+        }
+    }
+
+    /// Judges the step in every world, and starts another episode where one has ended.
+    fn judge(&mut self, shared: &Shared, factors: Factors, rows: &mut Rows) {
+        let n = shared.spec.observation_len();
+        for (w, (environment, truth)) in self.environments.iter_mut().zip(&self.truths).enumerate() {
+            let engine = &mut *self.engine;
+            let lost = Outcome {
+                terms: Terms::default(),
+                end: Some(End::Lost),
+            };
+            let outcome = truth.as_ref().map_or(lost, |truth| {
+                environment.conclude_step(shared, engine, w, truth, factors, &self.poses)
+            });
+            rows.terms[w] = outcome.terms;
+            rows.ends[w] = outcome.end;
             if let Some(end) = outcome.end {
-                self.final_observations[w * n..(w + 1) * n].copy_from_slice(row);
+                let row = &mut rows.observations[w * n..(w + 1) * n];
+                rows.final_observations[w * n..(w + 1) * n].copy_from_slice(row);
                 self.episodes.push(environment.conclude(end));
-                environment.reset(shared, engine, actuators, w, scratch, row);
+                environment.reset(shared, engine, &mut self.actuators, w, &mut self.scratch, row);
             }
         }
     }
 
-    fn save(&self) -> SavedGroup {
+    fn save(&self, observations: &[f32]) -> SavedGroup {
         let worlds = (0..self.environments.len())
             .map(|w| {
                 let mut bytes = Vec::new();
@@ -334,15 +379,15 @@ impl Group {
         SavedGroup {
             environments: self.environments.clone(),
             targets: self.actuators.targets().to_vec(),
-            observations: self.observations.clone(),
+            observations: observations.to_vec(),
             worlds,
         }
     }
 
-    fn load(&mut self, saved: SavedGroup) -> Result<(), EnvError> {
+    fn load(&mut self, saved: SavedGroup, observations: &mut [f32]) -> Result<(), EnvError> {
         let fits = saved.environments.len() == self.environments.len()
             && saved.worlds.len() == self.environments.len()
-            && saved.observations.len() == self.observations.len();
+            && saved.observations.len() == observations.len();
         if !fits {
             return Err(EnvError::State(
                 "another number of environments or another observation".into(),
@@ -353,7 +398,7 @@ impl Group {
             self.engine.load(w, bytes).map_err(EnvError::State)?;
         }
         self.environments = saved.environments;
-        self.observations = saved.observations;
+        observations.copy_from_slice(&saved.observations);
         Ok(())
     }
 }

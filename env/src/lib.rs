@@ -15,6 +15,7 @@ pub mod random;
 pub mod robot;
 pub mod sensors;
 pub mod task;
+pub mod truth;
 
 pub use batch::Batch;
 pub use config::EnvConfig;

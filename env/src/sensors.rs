@@ -1,12 +1,12 @@
 //! What the robot measures: encoders, gyroscope and attitude with noise, and a latency by a history of
 //! readings (thesis 7.4, after Tan et al. 2018).
 
-use omniwalk_controller::attitude::fused_from_orientation;
+use omniwalk_controller::attitude::fused_from_up;
 use serde::{Deserialize, Serialize};
 
 use crate::config::NoiseConfig;
-use crate::engine::BaseState;
 use crate::random::Stream;
+use crate::truth::Truth;
 
 /// Gravity by which accelerometer noise becomes a tilt of the attitude estimate, m/s^2.
 const GRAVITY: f64 = 9.81;
@@ -35,27 +35,24 @@ impl Reading {
         }
     }
 
-    /// Measures the true state, with noise where it is enabled. `joint(i)` gives position and velocity of the policy's
-    /// joint `i`.
+    /// Measures the true state, with noise where it is enabled. `joints` are position and velocity of the policy's joints.
     pub fn measure(
         &mut self,
-        base: &BaseState,
-        joint: impl Fn(usize) -> (f64, f64),
+        truth: &Truth,
+        joints: impl Iterator<Item = (f64, f64)>,
         noise: &NoiseConfig,
         stream: &mut Stream,
     ) {
         let mut add = |deviation: f64| if noise.enabled { stream.normal(deviation) } else { 0.0 };
-        for i in 0..self.position.len() {
-            let (position, velocity) = joint(i);
-            self.position[i] = (position + add(noise.position)) as f32;
-            self.velocity[i] = (velocity + add(noise.velocity)) as f32;
+        let readings = self.position.iter_mut().zip(&mut self.velocity);
+        for ((position, velocity), (true_position, true_velocity)) in readings.zip(joints) {
+            *position = (true_position + add(noise.position)) as f32;
+            *velocity = (true_velocity + add(noise.velocity)) as f32;
         }
-        let q = base.orientation;
-        let [roll, pitch] = fused_from_orientation([q.i as f32, q.j as f32, q.k as f32, q.w as f32]);
+        let [roll, pitch] = fused_from_up([truth.up.x, truth.up.y, truth.up.z].map(|x| x as f32));
         let tilt = noise.accelerometer / GRAVITY;
         self.attitude = [roll + add(tilt) as f32, pitch + add(tilt) as f32];
-        let gyro = q.inverse() * base.angular_velocity;
-        self.gyro = [gyro.x, gyro.y, gyro.z].map(|x| (x + add(noise.gyro)) as f32);
+        self.gyro = [truth.turn.x, truth.turn.y, truth.turn.z].map(|x| (x + add(noise.gyro)) as f32);
     }
 
     /// `(1 - share) a + share b`.
@@ -105,15 +102,14 @@ impl History {
         rest.iter_mut().for_each(|reading| reading.clone_from(first));
     }
 
-    /// Records a reading and returns the one that is `delay` old, by linear interpolation.
-    pub fn record(&mut self, fill: impl FnOnce(&mut Reading)) -> &Reading {
+    /// Records a reading.
+    pub fn record(&mut self, fill: impl FnOnce(&mut Reading)) {
         let n = self.readings.len();
         self.newest = (self.newest + 1) % n;
         fill(&mut self.readings[self.newest]);
-        self.delayed()
     }
 
-    /// The reading that reaches the policy now.
+    /// The reading that reaches the policy now: the one that is `delay` old, by linear interpolation.
     pub fn delayed(&mut self) -> &Reading {
         let n = self.readings.len();
         let whole = self.delay.floor() as usize;
@@ -138,8 +134,8 @@ mod tests {
         let mut history = History::new(1, 2.0);
         history.reset(1.25, |reading| reading.position[0] = 0.0);
         for k in 1..=10 {
-            let value = history.record(|reading| reading.position[0] = k as f32).position[0];
-            assert_eq!(value, (k as f32 - 1.25).max(0.0), "step {k}");
+            history.record(|reading| reading.position[0] = k as f32);
+            assert_eq!(history.delayed().position[0], (k as f32 - 1.25).max(0.0), "step {k}");
         }
     }
 
@@ -147,6 +143,7 @@ mod tests {
     fn no_latency_gives_the_newest_reading() {
         let mut history = History::new(1, 0.0);
         history.reset(0.0, |reading| reading.position[0] = 5.0);
-        assert_eq!(history.record(|reading| reading.position[0] = 7.0).position[0], 7.0);
+        history.record(|reading| reading.position[0] = 7.0);
+        assert_eq!(history.delayed().position[0], 7.0);
     }
 }

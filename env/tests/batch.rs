@@ -6,7 +6,7 @@ mod support;
 use omniwalk_env::Batch;
 use omniwalk_env::config::EngineKind;
 use omniwalk_env::random::Stream;
-use omniwalk_env::task::environment::End;
+use omniwalk_env::task::episode::End;
 use support::{ENGINES, config, robot};
 
 /// Random actions around the middle, so that the robot stays up for a while and then falls.

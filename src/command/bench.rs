@@ -67,7 +67,8 @@ pub fn run(args: &Args) -> miette::Result<()> {
     changes.extend(options.engine.as_ref().map(|engine| format!("engine.kind={engine}")));
     let (settings, _) = load::settings(options.config.as_deref(), &changes)?;
     let mut result = match args.what {
-        What::Env(_) => env(&settings, options.seconds)?,
+        // On a thread of the pool: from outside it, every step would wake one and wait.
+        What::Env(_) => rayon::scope(|_| env(&settings, options.seconds))?,
         What::Train(_) => train(&settings, options.seconds)?,
         What::Ppo(_) => ppo(&settings, options, threads)?,
     };

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::command::CommandRange;
-use omniwalk_env::task::environment::{End, Episode};
+use omniwalk_env::task::episode::{End, Episode};
 use omniwalk_env::{Batch, EnvConfig};
 
 /// What is asked of a policy.

@@ -1,7 +1,7 @@
 //! What is measured of a walking robot between two resets, from its true state after each control step.
 
 use omniwalk_env::robot::Robot;
-use omniwalk_env::task::environment::End;
+use omniwalk_env::task::episode::End;
 use omniwalk_env::task::gait::Gait;
 use omniwalk_env::task::shared::Shared;
 use omniwalk_env::task::tracking::{Tracking, TrackingMeter};

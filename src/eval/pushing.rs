@@ -10,7 +10,7 @@
 //! counts as not recovered.
 
 use nalgebra::Vector3;
-use omniwalk_env::task::environment::heading;
+use omniwalk_env::truth::Truth;
 
 use super::meter::{Meter, Record};
 use super::suites::Plan;
@@ -212,7 +212,8 @@ impl Trial for Push {
         }
         self.meter.step(seen);
         if self.timing.step(seen.environment.gait().contact(0)) {
-            self.acting = self.force * self.direction.force(heading(&seen.base().orientation));
+            let [x, y] = Truth::new(&seen.base()).heading;
+            self.acting = self.force * self.direction.force(y.atan2(x));
             self.since = Some(0);
             self.before.push(self.meter.record(seen));
         }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use omniwalk_env::task::environment::End;
+use omniwalk_env::task::episode::End;
 use omniwalk_env::task::tracking::Tracking;
 use serde_json::{Value, json};
 

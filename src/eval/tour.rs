@@ -1,6 +1,6 @@
 //! Commands one after another without a stop; a robot that falls stands up again for the next one.
 
-use omniwalk_env::task::environment::End;
+use omniwalk_env::task::episode::End;
 use omniwalk_env::task::tracking::Tracking;
 
 use super::meter::{CommandMeter, Meter, Record};

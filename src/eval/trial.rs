@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use omniwalk_env::engine::{BaseState, Engine};
 use omniwalk_env::robot::Robot;
-use omniwalk_env::task::environment::{Environment, Episode, heading};
+use omniwalk_env::task::environment::Environment;
+use omniwalk_env::task::episode::Episode;
 use omniwalk_env::task::shared::Shared;
+use omniwalk_env::truth::Truth;
 use omniwalk_env::{Batch, EnvConfig};
 
 use super::forward::Watch;
@@ -60,10 +62,9 @@ impl Seen<'_> {
 
     /// True velocity in the heading frame (m/s, m/s) and turn rate, rad/s.
     pub fn velocity(&self) -> [f64; 3] {
-        let base = self.base();
-        let yaw = heading(&base.orientation);
-        let v = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -yaw) * base.linear_velocity;
-        [v.x, v.y, base.angular_velocity.z]
+        let truth = Truth::new(&self.base());
+        let [along, left] = truth.velocity_along(truth.heading);
+        [along, left, truth.vertical_turn]
     }
 }
 

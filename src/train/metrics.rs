@@ -1,6 +1,6 @@
 //! What is written down of every update: the columns of `metrics.csv` and the scalars of TensorBoard.
 
-use omniwalk_env::task::environment::{End, Episode};
+use omniwalk_env::task::episode::{End, Episode};
 use omniwalk_env::task::gait::Gait;
 
 use super::trainer::{Report, Trainer};

@@ -7,7 +7,7 @@ use omniwalk_controller::Spec;
 use omniwalk_curriculum::{Curriculum, Performance};
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::command::CommandRange;
-use omniwalk_env::task::environment::End;
+use omniwalk_env::task::episode::End;
 use omniwalk_env::task::reward::{Factors, Terms};
 use omniwalk_env::{Batch, EnvError};
 use omniwalk_ppo::{self as ppo, Agent, Mirror, Rollout, UpdateStats};

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use omniwalk_env::task::environment::{End, Episode};
+use omniwalk_env::task::episode::{End, Episode};
 use serde::{Deserialize, Serialize};
 
 /// Episodes that are averaged over.

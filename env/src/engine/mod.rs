@@ -8,7 +8,7 @@
 pub mod lanes;
 pub mod rapier;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{IsometryMatrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{EngineKind, EnvConfig};
@@ -179,6 +179,13 @@ pub trait Engine: Send {
 
     /// Ground force on foot `foot` of `world` averaged over the last physics step, world frame, N.
     fn foot_force(&self, world: usize, foot: usize) -> Vector3<f64>;
+
+    /// Vertical ground force on every foot averaged over the last physics step, N: entry `foot * worlds() + w`.
+    fn foot_loads(&self) -> &[f64];
+
+    /// World poses of the links `links` (indices into `Robot::links`) after the last step or reset: entry
+    /// `k * worlds() + w` of `poses` is link `links[k]` of world `w`.
+    fn link_poses(&mut self, links: &[usize], poses: &mut [IsometryMatrix3<f64>]);
 
     /// Sets the external force on the base link's origin, world frame, N; it acts until it is set again or the world is reset.
     fn push(&mut self, world: usize, force: Vector3<f64>);

@@ -1,110 +1,59 @@
 //! One environment: what happens around one world between two actions.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use omniwalk_controller::attitude::fused_from_orientation;
-use omniwalk_controller::{Pipeline, Sensors};
+use nalgebra::{Isometry3, Translation3, Vector3};
+use omniwalk_controller::{Pipeline, Sensors, Turn};
 use serde::{Deserialize, Serialize};
 
 use super::command::CommandRange;
-use super::gait::{Gait, GaitMeter, Sole};
-use super::reward::{Factors, Judged, Motion, Swing, Terms, foot_error};
+use super::episode::{End, Episode, Outcome, Sums};
+use super::gait::{GaitMeter, Sole};
+use super::poses::Poses;
+use super::reward::{Factors, Motion, Swing};
 use super::shared::Shared;
-use super::tracking::{Tracking, TrackingMeter};
+use super::sole::with_matrix;
+use super::tracking::TrackingMeter;
 use crate::actuators::Actuators;
-use crate::engine::{BaseState, Engine, Start, World};
+use crate::engine::{Engine, Start, World};
 use crate::error::EnvError;
 use crate::random::Stream;
-use crate::robot::{Kinematics, Robot};
+use crate::robot::Kinematics;
 use crate::sensors::{History, Reading};
-
-/// How an episode ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum End {
-    /// The base came too low or tilted too far.
-    Fallen,
-    /// The legs passed through each other.
-    Overlap,
-    /// The time was over; the robot had not fallen.
-    TimeOut,
-    /// The physics went non-finite; nothing of the last step reaches the learner.
-    Lost,
-}
-
-/// A finished episode.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Episode {
-    /// Index of the environment in its batch.
-    pub environment: usize,
-    /// How it ended.
-    pub end: End,
-    /// Length in control steps.
-    pub steps: u32,
-    /// Reward by term, summed over the episode.
-    pub terms: Terms,
-    /// The desired velocity at the end (m/s, m/s, rad/s).
-    pub desired: [f64; 3],
-    /// How the robot walked.
-    pub gait: Gait,
-    /// Touchdowns per second of each foot.
-    pub touchdowns_per_second: Vec<f64>,
-    /// How well it held the command.
-    pub tracking: Option<Tracking>,
-    /// Mean magnitude of the policy joints' torques, N m.
-    pub torque: f64,
-    /// Mean square change of the targets per step, in half ranges of the action.
-    pub action_change: f64,
-    /// Mean error of the estimated base velocity, m/s.
-    pub estimator_error: f64,
-    /// Horizontal distance from the start, m.
-    pub drift: f64,
-}
+use crate::truth::Truth;
 
 /// Everything an environment remembers; serialisable, so that a resumed run goes on with the same bits.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Environment {
-    index: usize,
-    episode: u64,
-    stream: Stream,
-    pipeline: Pipeline,
-    history: History,
-    range: CommandRange,
-    desired: [f64; 3],
-    until_draw: u32,
-    step: u32,
-    length: u32,
+    pub(super) index: usize,
+    pub(super) episode: u64,
+    pub(super) stream: Stream,
+    pub(super) pipeline: Pipeline,
+    pub(super) history: History,
+    pub(super) range: CommandRange,
+    pub(super) desired: [f64; 3],
+    pub(super) until_draw: u32,
+    pub(super) step: u32,
+    pub(super) length: u32,
     /// Factor on each joint's response in this episode (equation 7.14).
-    response: Vec<f64>,
-    targets: Vec<f32>,
-    previous_targets: Vec<f32>,
-    action_change: f64,
-    /// True heading at which the inertial frame was set last, rad.
-    heading: f64,
-    motion: Motion,
-    swing: Swing,
-    push_steps: u32,
-    soles: Vec<Sole>,
-    gait: GaitMeter,
-    tracking: TrackingMeter,
-    sums: Sums,
+    pub(super) response: Vec<f64>,
+    pub(super) targets: Vec<f32>,
+    pub(super) previous_targets: Vec<f32>,
+    pub(super) action_change: f64,
+    /// True heading at which the inertial frame was set last.
+    pub(super) heading: [f64; 2],
+    pub(super) motion: Motion,
+    pub(super) swing: Swing,
+    pub(super) push_steps: u32,
+    pub(super) soles: Vec<Sole>,
+    pub(super) gait: GaitMeter,
+    pub(super) tracking: TrackingMeter,
+    pub(super) sums: Sums,
 }
 
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-struct Sums {
-    terms: Terms,
-    torque: f64,
-    action_change: f64,
-    estimator_error: f64,
-    start: [f64; 2],
-    position: [f64; 2],
-}
-
-/// Scratch one batch shares between its environments.
+/// Scratch one batch shares between its environments, for starts of episodes.
 pub struct Scratch {
-    /// Link poses of the world looked at last.
-    pub kinematics: Kinematics,
-    positions: Vec<f64>,
-    start: Start,
-    world: World,
+    pub(super) kinematics: Kinematics,
+    pub(super) start: Start,
+    pub(super) world: World,
 }
 
 impl Scratch {
@@ -113,20 +62,10 @@ impl Scratch {
         let robot = &shared.robot;
         Self {
             kinematics: Kinematics::new(robot),
-            positions: robot.nominal(),
             start: Start::nominal(robot),
             world: shared.nominal.clone(),
         }
     }
-}
-
-/// What one control step gave.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outcome {
-    /// Reward by term.
-    pub terms: Terms,
-    /// The end of the episode, if it ended.
-    pub end: Option<End>,
 }
 
 impl Environment {
@@ -157,7 +96,7 @@ impl Environment {
             targets: vec![0.0; joints],
             previous_targets: vec![0.0; joints],
             action_change: 0.0,
-            heading: 0.0,
+            heading: [1.0, 0.0],
             motion: Motion::default(),
             swing: Swing::default(),
             push_steps: 0,
@@ -222,10 +161,13 @@ impl Environment {
             actuators.set_target(d, world, position);
         }
         let base = engine.base(world);
-        self.look(shared, engine, world, &base, scratch);
+        let pose = Isometry3::from_parts(Translation3::from(base.position), base.orientation);
+        scratch.kinematics.set_pose(&shared.robot, &pose, &scratch.start.joints);
+        self.place_soles(shared, &scratch.kinematics);
         self.gait.reset(&self.soles);
         self.tracking.reset();
-        self.heading = heading(&base.orientation);
+        let truth = Truth::new(&base);
+        self.heading = truth.heading;
         self.motion = Motion::default();
         self.sums = Sums::default();
         self.sums.start = [base.position.x, base.position.y];
@@ -234,8 +176,10 @@ impl Environment {
         self.swing = Swing::default();
         let delay = shared.draw_latency(&mut self.stream);
         let Self { history, stream, .. } = self;
-        history.reset(delay, |reading| measure(reading, shared, engine, world, &base, stream));
-        self.observe(shared, &base, observation);
+        history.reset(delay, |reading| measure(reading, shared, engine, world, &truth, stream));
+        let turn = self.turn(shared, &truth, observation);
+        turn.pipeline
+            .observe(&shared.spec, &turn.sensors, turn.desired, turn.out);
     }
 
     /// Sets the targets of the next control step from `action` in [0, 1] per joint.
@@ -254,52 +198,78 @@ impl Environment {
         } else {
             self.target_change(shared)
         };
-        let worlds = engine.worlds();
-        for (i, &d) in shared.robot.policy.iter().enumerate() {
-            let position = engine.joints().position[d * worlds + world];
-            let (lower, upper) = shared.robot.policy_joint(i).limits;
-            let target = position + self.response[i] * (f64::from(self.targets[i]) - position);
-            actuators.set_target(d, world, target.clamp(lower, upper));
+        let (worlds, positions) = (engine.worlds(), &engine.joints().position);
+        let joints = shared.joints.iter().zip(&self.response).zip(&self.targets);
+        for ((joint, response), &target) in joints {
+            let position = positions[joint.dof * worlds + world];
+            let target = position + response * (f64::from(target) - position);
+            let (lower, upper) = joint.limits;
+            actuators.set_target(joint.dof, world, target.clamp(lower, upper));
         }
         self.push(shared, engine, world);
     }
 
-    /// Takes in the foot forces of one physics step of `dt` s.
-    pub fn forces(&mut self, engine: &dyn Engine, world: usize, dt: f64) {
-        for foot in 0..self.soles.len() {
-            self.gait.force(foot, engine.foot_force(world, foot).z, dt);
+    /// Takes in the foot loads of one physics step of `dt` s, N: every `worlds`-th of `loads` from the first on.
+    pub fn forces(&mut self, loads: &[f64], worlds: usize, dt: f64) {
+        for (foot, &load) in loads.iter().step_by(worlds).enumerate() {
+            self.gait.force(foot, load, dt);
         }
     }
 
-    /// Ends a control step: measures, observes, judges. The observation is the final one if the episode ended.
-    pub fn finish(
+    /// Ends a control step: looks at the robot and reads its sensors. `None` when its world has gone non-finite.
+    pub fn sense(&mut self, shared: &Shared, engine: &dyn Engine, world: usize, poses: &Poses) -> Option<Truth> {
+        self.step += 1;
+        if !engine.is_finite(world) {
+            return None;
+        }
+        let truth = Truth::new(&engine.base(world));
+        for (sole, (foot, shape)) in self.soles.iter_mut().zip(shared.robot.feet.iter().zip(&shared.soles)) {
+            *sole = shape.at(poses.of(world, foot.link));
+        }
+        self.gait.soles(&self.soles, shared.config.control_dt());
+        self.redraw(shared);
+        let Self { history, stream, .. } = self;
+        history.record(|reading| measure(reading, shared, engine, world, &truth, stream));
+        Some(truth)
+    }
+
+    /// What the controller takes to write the observation `out` after [`Environment::sense`] or at a reset.
+    pub fn turn<'a>(&'a mut self, shared: &Shared, truth: &Truth, out: &'a mut [f32]) -> Turn<'a> {
+        let reading = self.history.delayed();
+        let v = truth.velocity.map(|x| x as f32);
+        let given = shared.config.observation.true_velocity;
+        Turn {
+            pipeline: &mut self.pipeline,
+            sensors: Sensors {
+                position: &reading.position,
+                velocity: &reading.velocity,
+                attitude: reading.attitude,
+                gyro: reading.gyro,
+                base_velocity: given.then_some([v.x, v.y, v.z]),
+            },
+            desired: self.desired.map(|x| x as f32),
+            out,
+        }
+    }
+
+    /// Judges the control step after its observation.
+    pub fn conclude_step(
         &mut self,
         shared: &Shared,
         engine: &dyn Engine,
         world: usize,
+        truth: &Truth,
         factors: Factors,
-        scratch: &mut Scratch,
-        observation: &mut [f32],
+        poses: &Poses,
     ) -> Outcome {
-        self.step += 1;
-        if !engine.is_finite(world) {
-            return Outcome {
-                terms: Terms::default(),
-                end: Some(End::Lost),
-            };
+        if self.pipeline.frame_was_set() {
+            self.heading = truth.heading;
         }
-        let dt = shared.config.control_dt();
-        let base = engine.base(world);
-        self.look(shared, engine, world, &base, scratch);
-        self.gait.soles(&self.soles, dt);
-        self.redraw(shared);
-        let Self { history, stream, .. } = self;
-        history.record(|reading| measure(reading, shared, engine, world, &base, stream));
-        self.observe(shared, &base, observation);
-        let alive = standing(shared, &base);
-        let terms = self.judge(shared, engine, world, &base, alive, factors);
+        let alive = shared.stands(truth);
+        let terms = self.judge(shared, engine, world, truth, alive, factors);
+        self.measure_step(shared, engine, world, truth);
         self.sums.terms.add(&terms);
-        let overlap = || shared.config.task.end_on_overlap && shared.overlap.any(|link| scratch.kinematics.pose(link));
+        let overlap = || shared.config.task.end_on_overlap && shared.overlap.any(|link| poses.of(world, link));
         let end = if !alive {
             Some(End::Fallen)
         } else if overlap() {
@@ -327,81 +297,7 @@ impl Environment {
             torque: sums.torque / n,
             action_change: sums.action_change / n,
             estimator_error: sums.estimator_error / n,
-            drift: (sums.position[0] - sums.start[0]).hypot(sums.position[1] - sums.start[1]),
-        }
-    }
-
-    fn draw_episode(&mut self, shared: &Shared) {
-        let config = &shared.config;
-        let full = config.episode_steps();
-        let stream = &mut self.stream;
-        let share = stream.unit();
-        self.length = if config.task.random_first_length && self.episode == 0 {
-            1 + (share * f64::from(full)) as u32
-        } else {
-            full
-        };
-        self.desired = self.range.draw(stream);
-        self.until_draw = self.draw_interval(shared);
-        let epsilon = config.randomise.pd_noise;
-        for response in &mut self.response {
-            *response = self.stream.uniform(1.0 - epsilon, 1.0 + epsilon);
-        }
-        self.step = 0;
-        self.push_steps = 0;
-    }
-
-    fn draw_start(&mut self, shared: &Shared, scratch: &mut Scratch) {
-        shared.draw_world(&mut self.stream, &mut scratch.world);
-        let robot = &shared.robot;
-        let deviation = shared.config.randomise.start_position;
-        for d in 0..robot.dofs.len() {
-            let joint = robot.dof(d);
-            let noise = if deviation > 0.0 {
-                self.stream.normal(deviation)
-            } else {
-                0.0
-            };
-            scratch.start.joints[d] = (joint.nominal + noise).clamp(joint.limits.0, joint.limits.1);
-        }
-        // The lowest corner of the soles touches the ground.
-        if deviation > 0.0 && !robot.feet.is_empty() {
-            scratch
-                .kinematics
-                .set_pose(robot, &robot.base_pose, &scratch.start.joints);
-            let lowest = soles(robot, &scratch.kinematics)
-                .map(|sole| sole.lowest)
-                .fold(f64::INFINITY, f64::min);
-            scratch.start.position.z = robot.base_pose.translation.z - lowest;
-        }
-    }
-
-    /// Steps until the next draw of the desired velocity, between half and one and a half times the mean.
-    fn draw_interval(&mut self, shared: &Shared) -> u32 {
-        let mean = shared.config.command.resample_seconds * f64::from(shared.config.engine.control_hz);
-        let share = self.stream.uniform(0.5, 1.5);
-        if mean > 0.0 {
-            (share * mean).round().max(1.0) as u32
-        } else {
-            u32::MAX
-        }
-    }
-
-    /// Mean square of the change of the targets, in half ranges of the action.
-    fn target_change(&self, shared: &Shared) -> f64 {
-        let pairs = self.targets.iter().zip(&self.previous_targets);
-        let change = pairs.zip(&shared.spec.joints).map(|((new, old), joint)| {
-            let share = f64::from((new - old) / joint.action_scale);
-            share * share
-        });
-        change.sum::<f64>() / self.targets.len() as f64
-    }
-
-    fn redraw(&mut self, shared: &Shared) {
-        self.until_draw -= 1;
-        if self.until_draw == 0 {
-            self.desired = self.range.draw(&mut self.stream);
-            self.until_draw = self.draw_interval(shared);
+            drift: sums.drift(),
         }
     }
 
@@ -424,166 +320,11 @@ impl Environment {
         }
     }
 
-    /// Link poses and soles of the true state.
-    fn look(&mut self, shared: &Shared, engine: &dyn Engine, world: usize, base: &BaseState, scratch: &mut Scratch) {
-        let worlds = engine.worlds();
-        for (d, position) in scratch.positions.iter_mut().enumerate() {
-            *position = engine.joints().position[d * worlds + world];
-        }
-        let pose = Isometry3::from_parts(Translation3::from(base.position), base.orientation);
-        scratch.kinematics.set_pose(&shared.robot, &pose, &scratch.positions);
-        for (out, sole) in self.soles.iter_mut().zip(soles(&shared.robot, &scratch.kinematics)) {
-            *out = sole;
+    pub(super) fn place_soles(&mut self, shared: &Shared, kinematics: &Kinematics) {
+        for (sole, (foot, shape)) in self.soles.iter_mut().zip(shared.robot.feet.iter().zip(&shared.soles)) {
+            *sole = shape.at(&with_matrix(kinematics.pose(foot.link)));
         }
     }
-
-    fn observe(&mut self, shared: &Shared, base: &BaseState, observation: &mut [f32]) {
-        let true_velocity = base.orientation.inverse() * base.linear_velocity;
-        let reading = self.history.delayed();
-        let sensors = Sensors {
-            position: &reading.position,
-            velocity: &reading.velocity,
-            attitude: reading.attitude,
-            gyro: reading.gyro,
-            base_velocity: shared
-                .config
-                .observation
-                .true_velocity
-                .then(|| [true_velocity.x, true_velocity.y, true_velocity.z].map(|x| x as f32)),
-        };
-        self.pipeline
-            .observe(&shared.spec, &sensors, self.desired.map(|x| x as f32), observation);
-        if self.pipeline.frame_was_set() {
-            self.heading = heading(&base.orientation);
-        }
-    }
-
-    fn judge(
-        &mut self,
-        shared: &Shared,
-        engine: &dyn Engine,
-        world: usize,
-        base: &BaseState,
-        alive: bool,
-        factors: Factors,
-    ) -> Terms {
-        let config = &shared.config.reward;
-        let dt = shared.config.control_dt();
-        let commanded = self.pipeline.commanded().map(f64::from);
-        let motion = self.true_motion(base);
-        let gain = if config.velocity_filter > 0.0 {
-            dt / (config.velocity_filter + dt)
-        } else {
-            1.0
-        };
-        self.motion.follow(&motion, gain);
-        let worlds = engine.worlds();
-        let robot = &shared.robot;
-        let pose_error = shared
-            .pose_joints
-            .iter()
-            .map(|&i| {
-                (engine.joints().position[robot.policy[i] * worlds + world] - robot.policy_joint(i).nominal).powi(2)
-            })
-            .sum::<f64>()
-            .sqrt();
-        let foot_error = self.foot_error(shared);
-        let judged = Judged {
-            motion: &self.motion,
-            commanded,
-            pose_error,
-            alive,
-            foot_error,
-            action_change: self.action_change,
-            slip: self.gait.slip_squared(),
-        };
-        let terms = judged.terms(config, factors, dt);
-        self.measure_step(shared, engine, world, base, commanded);
-        terms
-    }
-
-    fn true_motion(&self, base: &BaseState) -> Motion {
-        let body = base.orientation.inverse() * base.linear_velocity;
-        let inertial = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -self.heading) * base.linear_velocity;
-        let turn = (base.orientation.inverse() * base.angular_velocity).z;
-        Motion {
-            base: [body.x, body.y],
-            inertial: [inertial.x, inertial.y],
-            turn,
-        }
-    }
-
-    fn foot_error(&mut self, shared: &Shared) -> Option<f64> {
-        let config = &shared.config.reward;
-        let [left, right] = self.soles.as_slice() else {
-            return None;
-        };
-        let share = if config.clock_swing {
-            self.swing.by_clock(f64::from(self.pipeline.clock_phase()))
-        } else {
-            self.swing
-                .by_height([left.centre[2], right.centre[2]], config.swing_hysteresis);
-            1.0
-        };
-        let (swing, stance) = if self.swing.leg() == 0 {
-            (left, right)
-        } else {
-            (right, left)
-        };
-        Some(foot_error(
-            swing,
-            stance,
-            share * config.clearance,
-            config.foot_height_weight,
-        ))
-    }
-
-    fn measure_step(
-        &mut self,
-        shared: &Shared,
-        engine: &dyn Engine,
-        world: usize,
-        base: &BaseState,
-        commanded: [f64; 3],
-    ) {
-        let yaw = heading(&base.orientation);
-        let v = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -yaw) * base.linear_velocity;
-        let reached = (0..3).all(|k| (commanded[k] - self.desired[k]).abs() < 1e-4);
-        self.tracking
-            .step([v.x, v.y, base.angular_velocity.z], commanded, reached);
-        let (_, estimate) = self.pipeline.velocity();
-        let truth = base.orientation.inverse() * base.linear_velocity;
-        let miss = Vector3::new(estimate[0].into(), estimate[1].into(), estimate[2].into()) - truth;
-        let worlds = engine.worlds();
-        let torque: f64 = shared
-            .robot
-            .policy
-            .iter()
-            .map(|&d| engine.joints().torque[d * worlds + world].abs())
-            .sum();
-        let sums = &mut self.sums;
-        sums.estimator_error += miss.norm();
-        sums.torque += torque / shared.robot.policy.len() as f64;
-        sums.action_change += self.action_change;
-        sums.position = [base.position.x, base.position.y];
-    }
-}
-
-/// Heading of the base: the direction of its x axis in the horizontal plane, rad.
-pub fn heading(orientation: &UnitQuaternion<f64>) -> f64 {
-    let x = orientation * Vector3::x();
-    x.y.atan2(x.x)
-}
-
-fn standing(shared: &Shared, base: &BaseState) -> bool {
-    let task = &shared.config.task;
-    let q = base.orientation;
-    let [roll, pitch] = fused_from_orientation([q.i as f32, q.j as f32, q.k as f32, q.w as f32]).map(f64::from);
-    let upright = (q * Vector3::z()).z > 0.0;
-    base.position.z > task.min_height * shared.robot.base_pose.translation.z
-        && upright
-        && roll.abs() < task.max_roll
-        && pitch.abs() < task.max_pitch
 }
 
 fn measure(
@@ -591,33 +332,13 @@ fn measure(
     shared: &Shared,
     engine: &dyn Engine,
     world: usize,
-    base: &BaseState,
+    truth: &Truth,
     stream: &mut Stream,
 ) {
-    let (joints, worlds) = (engine.joints(), engine.worlds());
-    let joint = |i: usize| {
-        let k = shared.robot.policy[i] * worlds + world;
-        (joints.position[k], joints.velocity[k])
-    };
-    reading.measure(base, joint, &shared.config.noise, stream);
-}
-
-fn soles<'a>(robot: &'a Robot, kinematics: &'a Kinematics) -> impl Iterator<Item = Sole> + 'a {
-    robot.feet.iter().map(|foot| {
-        let link = kinematics.pose(foot.link);
-        let pose = link * foot.sole;
-        // The tilt of the sole's y axis against the horizontal is its rotation about the forward direction.
-        let sideways = pose.rotation * Vector3::y();
-        let lowest = foot
-            .corners()
-            .iter()
-            .map(|corner| (link * corner).z)
-            .fold(f64::INFINITY, f64::min);
-        let centre = pose.translation.vector;
-        Sole {
-            centre: [centre.x, centre.y, centre.z],
-            lowest,
-            roll: sideways.z.clamp(-1.0, 1.0).asin(),
-        }
-    })
+    let (state, worlds) = (engine.joints(), engine.worlds());
+    let joints = shared.joints.iter().map(|joint| {
+        let k = joint.dof * worlds + world;
+        (state.position[k], state.velocity[k])
+    });
+    reading.measure(truth, joints, &shared.config.noise, stream);
 }

@@ -142,7 +142,8 @@ impl GaitMeter {
         let mut contacts = 0;
         for (foot, sole) in self.feet.iter_mut().zip(soles) {
             let [x, y] = foot.position;
-            let moved = (sole.centre[0] - x).hypot(sole.centre[1] - y);
+            let (dx, dy) = (sole.centre[0] - x, sole.centre[1] - y);
+            let moved = (dx * dx + dy * dy).sqrt();
             foot.position = [sole.centre[0], sole.centre[1]];
             foot.speed = moved / dt;
             if foot.contact {

@@ -113,7 +113,8 @@ impl Motion {
 
 /// The logistic kernel of section 7.3.3, `K(x | l) = 2 / (e^(l x) + e^(-l x))`.
 pub fn kernel(x: f64, l: f64) -> f64 {
-    1.0 / (l * x).cosh()
+    let decay = (-(l * x).abs()).exp();
+    2.0 * decay / (1.0 + decay * decay)
 }
 
 /// Norm of the foot error (equation 7.12) with `swing` the swing leg's sole and `clearance` its desired height, m.

@@ -6,11 +6,13 @@ use nalgebra::Vector3;
 use omniwalk_controller::{ActionSpec, Block, ClockSpec, CommandSpec, Spec};
 
 use super::overlap::Overlap;
+use super::sole::SoleShape;
 use crate::config::EnvConfig;
 use crate::engine::{Friction, World};
 use crate::error::EnvError;
 use crate::random::Stream;
 use crate::robot::Robot;
+use crate::truth::Truth;
 
 /// Standard gravity, m/s^2.
 pub const GRAVITY: f64 = 9.81;
@@ -25,6 +27,10 @@ pub struct Shared {
     pub spec: Spec,
     /// Seed of every environment's random streams.
     pub seed: u64,
+    /// The policy's joints in its order.
+    pub joints: Vec<PolicyJoint>,
+    /// Soles of the robot's feet.
+    pub soles: Vec<SoleShape>,
     /// Policy joints that the pose term regularises.
     pub pose_joints: Vec<usize>,
     /// Leg pairs that must not overlap.
@@ -33,6 +39,18 @@ pub struct Shared {
     pub weight: f64,
     /// A world without randomisation.
     pub nominal: World,
+    /// Sine of the largest fused roll and pitch of a standing robot.
+    tilt: [f64; 2],
+}
+
+/// What a control step needs of a joint of the policy.
+pub struct PolicyJoint {
+    /// Its degree of freedom.
+    pub dof: usize,
+    /// Lower and upper position limit, rad or m.
+    pub limits: (f64, f64),
+    /// Position in the nominal pose, rad or m.
+    pub nominal: f64,
 }
 
 impl Shared {
@@ -48,6 +66,9 @@ impl Shared {
         }
         Ok(Self {
             spec: spec(&robot, config),
+            joints: policy_joints(&robot),
+            soles: robot.feet.iter().map(SoleShape::new).collect(),
+            tilt: [config.task.max_roll, config.task.max_pitch].map(f64::sin),
             pose_joints: pose_joints(&robot, &config.reward.pose_joints)?,
             overlap: Overlap::new(&robot),
             weight: robot.mass() * GRAVITY,
@@ -81,6 +102,15 @@ impl Shared {
             let mut shift = || stream.uniform(-r.centre_of_mass, r.centre_of_mass);
             world.links[0].com += Vector3::new(shift(), shift(), shift());
         }
+    }
+
+    /// Whether a robot stands: its base is high enough and its fused roll and pitch are within their bounds.
+    pub fn stands(&self, truth: &Truth) -> bool {
+        let [roll, pitch] = self.tilt;
+        let lowest = self.config.task.min_height * self.robot.base_pose.translation.z;
+        let up = &truth.up;
+        // Fused roll and pitch are asin(up_y) and asin(-up_x).
+        truth.position.z > lowest && up.z > 0.0 && up.y.abs() < roll && up.x.abs() < pitch
     }
 
     /// Draws the latency of an episode, in control steps.
@@ -148,6 +178,18 @@ fn nominal_world(robot: &Robot, config: &EnvConfig) -> World {
         links: robot.links.iter().map(|link| link.inertial).collect(),
         joints: robot.joints.iter().map(|joint| joint.passive).collect(),
     }
+}
+
+fn policy_joints(robot: &Robot) -> Vec<PolicyJoint> {
+    let joint = |(i, &dof): (usize, &usize)| {
+        let joint = robot.policy_joint(i);
+        PolicyJoint {
+            dof,
+            limits: joint.limits,
+            nominal: joint.nominal,
+        }
+    };
+    robot.policy.iter().enumerate().map(joint).collect()
 }
 
 fn pose_joints(robot: &Robot, patterns: &[String]) -> Result<Vec<usize>, EnvError> {

@@ -1,13 +1,13 @@
 //! A batch of worlds of one lane type behind [`Engine`].
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{IsometryMatrix3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Phase;
-use super::group::{Group, JointDrive, LinkInertia};
+use super::group::{Group, LinkInertia};
 use super::lane::{Kernel, MAX_WIDTH};
 use super::model::Model;
 use super::spatial::{Sym3, Vec3};
-use super::work::{PHASES, Timer, Work};
+use super::work::{LinkWork, PHASES, Timer, Work};
 use crate::engine::{BaseState, Drive, Engine, Friction, JointState, Start, World};
 use crate::robot::{Passive, Robot};
 
@@ -18,6 +18,8 @@ pub struct Batch<L: Kernel> {
     pub(super) work: Work<L>,
     worlds: usize,
     joints: JointState,
+    /// Vertical ground force, entry `foot * worlds + w`, N.
+    loads: Vec<f64>,
     /// Per joint of the robot, the degree of freedom it moves with and its ratio.
     followers: Vec<(usize, f64)>,
     /// Per foot, its contact body.
@@ -55,6 +57,7 @@ impl<L: Kernel> Batch<L> {
             work,
             worlds,
             joints,
+            loads: vec![0.0; robot.feet.len() * worlds],
             followers,
             feet,
             timer: Timer::new(),
@@ -94,6 +97,12 @@ impl<L: Kernel> Batch<L> {
                     to[at..at + count].copy_from_slice(&numbers[..count]);
                 }
             }
+            for (foot, body) in self.feet.iter().enumerate() {
+                let Some(body) = *body else { continue };
+                let at = foot * self.worlds + first;
+                group.state.ground_force[body].z.store(&mut numbers);
+                self.loads[at..at + count].copy_from_slice(&numbers[..count]);
+            }
         }
     }
 
@@ -106,6 +115,10 @@ impl<L: Kernel> Batch<L> {
             self.joints.position[at] = state.joint_position[d].get(lane);
             self.joints.velocity[at] = state.joint_velocity[d].get(lane);
             self.joints.torque[at] = state.torque[d].get(lane);
+        }
+        for (foot, body) in self.feet.iter().enumerate() {
+            let load = body.map_or(0.0, |body| state.ground_force[body].z.get(lane));
+            self.loads[foot * self.worlds + world] = load;
         }
     }
 }
@@ -250,15 +263,14 @@ impl<L: Kernel> Engine for Batch<L> {
             let count = L::WIDTH.min(self.worlds - first);
             for (d, joint) in group.drive.iter_mut().enumerate() {
                 let at = d * self.worlds + first;
-                *joint = JointDrive {
-                    target: load(&drive.target, at, count),
-                    stiffness: load(&drive.stiffness, at, count),
-                    damping: load(&drive.damping, at, count),
-                    feed_forward: load(&drive.feed_forward, at, count),
-                    torque_min: load(&drive.torque_min, at, count),
-                    torque_max: load(&drive.torque_max, at, count),
-                    friction: load(&drive.friction, at, count),
-                };
+                // Field by field: a whole one would be built elsewhere and copied.
+                joint.target = load(&drive.target, at, count);
+                joint.stiffness = load(&drive.stiffness, at, count);
+                joint.damping = load(&drive.damping, at, count);
+                joint.feed_forward = load(&drive.feed_forward, at, count);
+                joint.torque_min = load(&drive.torque_min, at, count);
+                joint.torque_max = load(&drive.torque_max, at, count);
+                joint.friction = load(&drive.friction, at, count);
             }
             L::step(&self.model, group, &mut self.work, &mut self.timer);
         }
@@ -286,6 +298,35 @@ impl<L: Kernel> Engine for Batch<L> {
         let state = &self.groups[world / L::WIDTH].state;
         let force = |body: usize| get_vector(&state.ground_force[body], world % L::WIDTH);
         self.feet[foot].map_or_else(Vector3::zeros, force)
+    }
+
+    fn foot_loads(&self) -> &[f64] {
+        &self.loads
+    }
+
+    fn link_poses(&mut self, links: &[usize], poses: &mut [IsometryMatrix3<f64>]) {
+        for (g, group) in self.groups.iter().enumerate() {
+            L::place(&self.model, &group.state, &mut self.work);
+            let first = g * L::WIDTH;
+            let count = L::WIDTH.min(self.worlds - first);
+            for (k, &link) in links.iter().enumerate() {
+                let LinkWork { rotation, position, .. } = &self.work.links[link];
+                let [a, b, c] = &rotation.0;
+                let mut numbers = [[0.0; MAX_WIDTH]; 12];
+                let lanes = [a, b, c, position].map(|v| [v.x, v.y, v.z]);
+                for (numbers, lanes) in numbers.iter_mut().zip(lanes.as_flattened()) {
+                    lanes.store(numbers);
+                }
+                let at = k * self.worlds + first;
+                for (lane, pose) in poses[at..at + count].iter_mut().enumerate() {
+                    let n = |i: usize| numbers[i][lane];
+                    let rotation = Matrix3::new(n(0), n(1), n(2), n(3), n(4), n(5), n(6), n(7), n(8));
+                    let base = group.state.position.map(|axis| axis[lane]);
+                    let position = Translation3::new(base[0] + n(9), base[1] + n(10), base[2] + n(11));
+                    *pose = IsometryMatrix3::from_parts(position, Rotation3::from_matrix_unchecked(rotation));
+                }
+            }
+        }
     }
 
     fn push(&mut self, world: usize, force: Vector3<f64>) {

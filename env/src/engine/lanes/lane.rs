@@ -10,7 +10,8 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use super::group::Group;
+use super::group::{Group, State};
+use super::kinematics;
 use super::model::Model;
 use super::step;
 use super::work::{Timer, Work};
@@ -91,11 +92,7 @@ pub trait Lane:
         self.max(-self)
     }
     /// The number in lane `i`.
-    fn get(self, i: usize) -> f64 {
-        let mut numbers = [0.0; MAX_WIDTH];
-        self.store(&mut numbers);
-        numbers[i]
-    }
+    fn get(self, i: usize) -> f64;
     /// Replaces the number in lane `i`, leaving the bits of the others.
     fn set(&mut self, i: usize, x: f64);
 }
@@ -104,6 +101,8 @@ pub trait Lane:
 pub trait Kernel: Lane {
     /// [`step::step`] of one group.
     fn step(model: &Model<Self>, group: &mut Group<Self>, work: &mut Work<Self>, timer: &mut Timer);
+    /// [`kinematics::place_links`] of one group.
+    fn place(model: &Model<Self>, state: &State<Self>, work: &mut Work<Self>);
 }
 
 macro_rules! operators {
@@ -237,6 +236,10 @@ impl Lane for Single {
     fn store(self, to: &mut [f64]) {
         to[0] = self.0;
     }
+    #[inline(always)]
+    fn get(self, _: usize) -> f64 {
+        self.0
+    }
     fn set(&mut self, _: usize, x: f64) {
         self.0 = x;
     }
@@ -245,6 +248,9 @@ impl Lane for Single {
 impl Kernel for Single {
     fn step(model: &Model<Self>, group: &mut Group<Self>, work: &mut Work<Self>, timer: &mut Timer) {
         step::step(model, group, work, timer);
+    }
+    fn place(model: &Model<Self>, state: &State<Self>, work: &mut Work<Self>) {
+        kinematics::place_links(model, state, work);
     }
 }
 
@@ -337,6 +343,11 @@ mod x86 {
                         *x = f64::from(lane);
                     }
                 }
+                #[inline(always)]
+                fn get(self, i: usize) -> f64 {
+                    let lanes = unsafe { transmute::<$raw, [$scalar; $width]>(self.0) };
+                    f64::from(lanes[i])
+                }
                 fn set(&mut self, i: usize, x: f64) {
                     let mut lanes = unsafe { transmute::<$raw, [$scalar; $width]>(self.0) };
                     lanes[i] = x as $scalar;
@@ -351,6 +362,13 @@ mod x86 {
                         step::step(model, group, work, timer);
                     }
                     unsafe { run(model, group, work, timer) }
+                }
+                fn place(model: &Model<Self>, state: &State<Self>, work: &mut Work<Self>) {
+                    #[target_feature(enable = $features)]
+                    fn run(model: &Model<$lane>, state: &State<$lane>, work: &mut Work<$lane>) {
+                        kinematics::place_links(model, state, work);
+                    }
+                    unsafe { run(model, state, work) }
                 }
             }
         };

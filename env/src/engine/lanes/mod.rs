@@ -25,7 +25,7 @@ mod step;
 mod tests;
 mod work;
 
-use nalgebra::Vector3;
+use nalgebra::{IsometryMatrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
@@ -211,6 +211,12 @@ impl Engine for Lanes {
     }
     fn foot_force(&self, world: usize, foot: usize) -> Vector3<f64> {
         on!(&self.batch, batch => batch.foot_force(world, foot))
+    }
+    fn foot_loads(&self) -> &[f64] {
+        on!(&self.batch, batch => batch.foot_loads())
+    }
+    fn link_poses(&mut self, links: &[usize], poses: &mut [IsometryMatrix3<f64>]) {
+        on!(&mut self.batch, batch => batch.link_poses(links, poses));
     }
     fn push(&mut self, world: usize, force: Vector3<f64>) {
         on!(&mut self.batch, batch => batch.push(world, force));

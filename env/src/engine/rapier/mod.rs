@@ -23,19 +23,25 @@ mod lane;
 mod scene;
 mod snapshot;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, IsometryMatrix3, Vector3};
 
 use self::drive::Command;
 use self::lane::Lane;
 use self::scene::Scene;
 use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
-use crate::robot::Robot;
+use crate::robot::{Kinematics, Robot};
 
 /// A batch of rapier worlds, stepped one after the other by the calling thread.
 pub struct Rapier {
     scene: Scene,
     lanes: Vec<Lane>,
     joints: JointState,
+    /// Entry `foot * worlds + w`, N.
+    loads: Vec<f64>,
+    robot: Robot,
+    kinematics: Kinematics,
+    /// Scratch: positions of one world's degrees of freedom.
+    positions: Vec<f64>,
     dt: f64,
 }
 
@@ -57,6 +63,10 @@ impl Rapier {
                 velocity: zeros(),
                 torque: zeros(),
             },
+            loads: vec![0.0; robot.feet.len() * worlds],
+            robot: robot.clone(),
+            kinematics: Kinematics::new(robot),
+            positions: robot.nominal(),
             scene,
             dt,
         })
@@ -74,6 +84,9 @@ impl Rapier {
             self.joints.position[i] = joint.position;
             self.joints.velocity[i] = joint.velocity;
             self.joints.torque[i] = joint.torque;
+        }
+        for foot in 0..self.scene.feet.len() {
+            self.loads[foot * worlds + world] = self.foot_force(world, foot).z;
         }
     }
 }
@@ -117,6 +130,27 @@ impl Engine for Rapier {
 
     fn foot_force(&self, world: usize, foot: usize) -> Vector3<f64> {
         self.scene.feet[foot].map_or(Vector3::zeros(), |toucher| self.lanes[world].forces[toucher].0)
+    }
+
+    fn foot_loads(&self) -> &[f64] {
+        &self.loads
+    }
+
+    /// By the kinematics of the degrees of freedom: followers are where they belong, not where the solver left them.
+    fn link_poses(&mut self, links: &[usize], poses: &mut [IsometryMatrix3<f64>]) {
+        let worlds = self.lanes.len();
+        for (world, lane) in self.lanes.iter().enumerate() {
+            let base = lane.link_pose(&self.scene, 0);
+            for (position, joint) in self.positions.iter_mut().zip(&lane.joints) {
+                *position = joint.position;
+            }
+            self.kinematics.set_pose(&self.robot, &base, &self.positions);
+            for (k, &link) in links.iter().enumerate() {
+                let pose = self.kinematics.pose(link);
+                poses[k * worlds + world] =
+                    IsometryMatrix3::from_parts(pose.translation, pose.rotation.to_rotation_matrix());
+            }
+        }
     }
 
     fn push(&mut self, world: usize, force: Vector3<f64>) {
