@@ -99,6 +99,12 @@ fn cut(file: &Path) {
     fs::write(file, &bytes[..bytes.len() / 2]).unwrap();
 }
 
+fn replace(file: &Path, from: &str, to: &str) {
+    let text = fs::read_to_string(file).unwrap();
+    assert!(text.contains(from), "{from:?} is not in {}", file.display());
+    fs::write(file, text.replacen(from, to, 1)).unwrap();
+}
+
 const RESUME: &[&str] = &["train", "--resume", "--run", "run", "--steps", "960"];
 
 /// One test for each wrong configuration file.
@@ -282,19 +288,72 @@ fn a_run_that_cannot_be_resumed() {
     refuses_run(empty, RESUME, &["run holds no run", "config.toml"]);
     let config = |run: &Path| fs::write(run.join("config.toml"), "[ppo]\nepoch = 3\n").unwrap();
     refuses_run(config, RESUME, &["unknown key `ppo.epoch`", "config.toml:2:1"]);
-    let wider = |run: &Path| {
-        let path = run.join("config.toml");
-        let text = fs::read_to_string(&path).unwrap();
-        fs::write(path, text.replace("hidden = [16, 16]", "hidden = [32, 16]")).unwrap();
-    };
-    refuses_run(wider, RESUME, &["cannot go on from", "do not fit this configuration"]);
     let columns = |run: &Path| fs::write(run.join("metrics.csv"), "step,return\n").unwrap();
     refuses_run(columns, RESUME, &["metrics.csv"]);
     let other_robot = |run: &Path| {
         fs::remove_dir_all(run.join("robot")).unwrap();
         copy(&robot("pendulum"), &run.join("robot"));
     };
-    refuses_run(other_robot, RESUME, &["fixed base"]);
+    refuses_run(
+        other_robot,
+        RESUME,
+        &[
+            "cannot go on from",
+            "robot/nimbro_op2x.urdf was",
+            "robot/pendulum.urdf was added",
+        ],
+    );
+}
+
+#[test]
+fn a_run_whose_settings_were_edited() {
+    let edits = [
+        (
+            "hidden = [16, 16]",
+            "hidden = [32, 16]",
+            "ppo.hidden was [16,16] and is [32,16]",
+        ),
+        ("gamma = 0.99", "gamma = 0.95", "ppo.gamma was 0.99 and is 0.95"),
+        ("zeta = 400.0", "zeta = 40.0", "curriculum.zeta was 400.0 and is 40.0"),
+        (
+            "kind = \"lanes\"",
+            "kind = \"rapier\"",
+            "engine.kind was \"lanes\" and is \"rapier\"",
+        ),
+    ];
+    for (from, to, message) in edits {
+        let edit = |run: &Path| replace(&run.join("config.toml"), from, to);
+        refuses_run(
+            edit,
+            RESUME,
+            &["cannot go on from", message, "undo the change", "--from RUN"],
+        );
+    }
+    let robot = |run: &Path| {
+        let path = run.join("robot/robot.toml");
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(path, text + "# Edited.\n").unwrap();
+    };
+    refuses_run(robot, RESUME, &["robot/robot.toml was edited"]);
+}
+
+#[test]
+fn weights_that_do_not_fit() {
+    let start = ["train", "tiny.toml", "--run", "other", "--from", "run"];
+    let refuses = |change: &str, parts: &[&str]| refuses_run(|_| (), &[&start[..], &["--set", change]].concat(), parts);
+    let fit = "the networks of run do not fit this configuration";
+    refuses("ppo.hidden=[32]", &[fit, "ppo.hidden is [16,16] there and [32] here"]);
+    refuses("action.scale=0.5", &[fit, "action.scale is 0.7 there and 0.5 here"]);
+    refuses(
+        "clock.symmetric=false",
+        &[fit, "clock.symmetric is true there and false here"],
+    );
+    refuses_in(|_| (), &start, &["run holds no run"]);
+    refuses_run(
+        |_| (),
+        &["train", "--resume", "--run", "run", "--from", "run"],
+        &["cannot be used with"],
+    );
 }
 
 #[test]

@@ -6,9 +6,8 @@ mod support;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::checkpoints::Checkpoints;
-use support::{succeeds, tiny};
+use support::{state, succeeds, tiny};
 
 const ENGINES: [&str; 2] = ["rapier", "lanes"];
 
@@ -37,16 +36,6 @@ fn train(folder: &Path, name: &str, engine: &str, arguments: &[&str]) -> PathBuf
         &[&["train", "tiny.toml", "--run", name], &change[..], steps, arguments].concat(),
     );
     folder.join(name)
-}
-
-/// The newest checkpoint without the wall time in its metadata, as bytes.
-fn state(run: &Path) -> Vec<u8> {
-    let latest = Checkpoints::new(run.join("checkpoints")).latest().unwrap().unwrap();
-    let mut checkpoint: Checkpoint = latest.checkpoint;
-    checkpoint.metadata.remove("wall_seconds").expect("the wall time");
-    let path = run.join("state.safetensors");
-    checkpoint.write(&path).unwrap();
-    fs::read(path).unwrap()
 }
 
 /// The rows of `metrics.csv` without the columns of [`TIMING`].

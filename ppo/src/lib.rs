@@ -30,5 +30,6 @@ pub use bench::{BenchResult, bench};
 pub use config::{Activation, Config, Head, InvalidConfig, Schedule};
 pub use distribution::{Beta, Differentiated, Gaussian};
 pub use rollout::{End, Mirror, Rollout};
+pub use simd::instruction_set;
 pub use state::{StateError, Tensor, TensorData};
 pub use update::UpdateStats;

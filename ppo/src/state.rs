@@ -133,6 +133,28 @@ impl Agent {
         load_network("critic", &mut agent.critic, tensors)?;
         Ok(agent)
     }
+
+    /// An agent that begins with the networks and the normaliser of a saved state; its optimiser and learning rate are
+    /// those of a new one.
+    ///
+    /// # Errors
+    /// As [`Agent::load`].
+    pub fn from_weights(
+        config: Config,
+        observation_len: usize,
+        action_len: usize,
+        tensors: &[Tensor],
+    ) -> Result<Self, StateError> {
+        let learning_rate = config.learning_rate;
+        let mut agent = Self::load(config, observation_len, action_len, tensors)?;
+        agent.learning_rate = learning_rate;
+        agent.steps = 0;
+        for tile in agent.actor.tiles.iter_mut().chain(&mut agent.critic.tiles) {
+            tile.first_moment.fill(0.0);
+            tile.second_moment.fill(0.0);
+        }
+        Ok(agent)
+    }
 }
 
 fn save_network(prefix: &str, network: &Network, tensors: &mut Vec<Tensor>) {

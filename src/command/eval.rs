@@ -141,11 +141,7 @@ impl Loaded {
         let run = RunFolder::open(&args.run)?;
         let (settings, _) = load::settings(Some(&args.run.join("config.toml")), &changes(args))?;
         let robot = load::robot(args.robot.as_deref().unwrap_or(&args.run.join("robot")))?;
-        let latest = run
-            .checkpoints()
-            .latest()?
-            .ok_or_else(|| miette!("{} holds no checkpoint yet", args.run.display()))?;
-        latest.skipped.iter().for_each(|error| eprintln!("warning: {error}"));
+        let latest = load::latest(&run)?;
         let layout = spec(&robot, &settings.env());
         let agent = checkpoint::agent(
             &latest.checkpoint,

@@ -8,7 +8,10 @@ use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_env::robot::{self, Robot};
 
 use crate::config::{ConfigError, Layers};
+use crate::run::checkpoints::Latest;
+use crate::run::{RunFolder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
+use crate::train::origin::Source;
 
 /// Settings from the defaults, a file and single changes, and the whole of them as TOML.
 pub fn settings(file: Option<&Path>, changes: &[String]) -> Result<(Settings, String), ConfigError> {
@@ -27,6 +30,33 @@ pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
     Ok(Arc::new(robot::load(path)?))
 }
 
+/// The newest whole checkpoint of `run`, with a warning of damaged newer ones.
+pub fn latest(run: &RunFolder) -> miette::Result<Latest> {
+    let latest = run.checkpoints().latest()?.ok_or_else(|| {
+        miette!(
+            help = "start it again in another folder",
+            "{} holds no checkpoint yet",
+            run.path().display()
+        )
+    })?;
+    latest.skipped.iter().for_each(|error| eprintln!("warning: {error}"));
+    Ok(latest)
+}
+
+/// The run in `folder` as the source of another run's weights.
+pub fn source(folder: &Path) -> miette::Result<Source> {
+    let run = RunFolder::open(folder)?;
+    let (settings, _) = settings(Some(&run.config()), &[])?;
+    let latest = latest(&run)?;
+    Ok(Source {
+        run: folder.to_owned(),
+        settings,
+        robot: robot(&run.robot())?,
+        checkpoint: latest.checkpoint,
+        path: latest.path,
+    })
+}
+
 /// Copies the files of the robot at `path` into `folder`, so that a run stays what it was.
 pub fn copy_robot(path: &Path, folder: &Path) -> miette::Result<()> {
     fs::create_dir_all(folder)
@@ -36,7 +66,8 @@ pub fn copy_robot(path: &Path, folder: &Path) -> miette::Result<()> {
         let name = file
             .file_name()
             .ok_or_else(|| miette!("{} has no file name", file.display()))?;
-        fs::copy(&file, folder.join(name))
+        fs::read(&file)
+            .and_then(|bytes| write_atomic(&folder.join(name), &bytes))
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot copy {} to {}", file.display(), folder.display()))?;
     }

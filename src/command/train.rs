@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
 
@@ -12,10 +12,12 @@ use crate::run::RunFolder;
 use crate::run::checkpoints::Checkpoints;
 use crate::run::events::EventWriter;
 use crate::run::metrics::MetricsWriter;
+use crate::run::sessions::{self, Origin, Session as Record, Sessions};
 use crate::settings::Settings;
 use crate::train::checkpoint;
 use crate::train::metrics::{self, Figure};
 use crate::train::progress::{Display, LogFormat};
+use crate::train::shape::{self, Shape};
 use crate::train::trainer::Trainer;
 
 /// Trains a policy; writes a run folder.
@@ -27,8 +29,16 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
     /// Go on with the run in the folder, to the same bits as if it had not been stopped.
-    #[arg(long, conflicts_with_all = ["config", "set", "seed", "engine"])]
+    /// A finished run is extended by a larger `--steps`; settings that shape the learning must be what they were.
+    #[arg(long, conflicts_with_all = ["config", "set", "seed", "engine", "from"])]
     resume: bool,
+    /// Start from the networks and the normaliser of the newest checkpoint of another run, to fine-tune it.
+    ///
+    /// Robot, reward, commands, engine, curriculum and learning rate are those of CONFIG, and the curriculum starts at
+    /// its beginning; optimiser, counters and environments start anew. Observation, action, policy joints and size
+    /// of the networks must be the same. The other run is only read.
+    #[arg(long, value_name = "RUN")]
+    from: Option<PathBuf>,
     /// Seed of everything random.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
@@ -77,6 +87,9 @@ struct Session {
     folder: PathBuf,
     settings: Settings,
     trainer: Trainer,
+    shape: Shape,
+    sessions: Sessions,
+    begun: Instant,
     checkpoints: Checkpoints,
     metrics: MetricsWriter,
     events: EventWriter,
@@ -95,17 +108,35 @@ impl Session {
         if !args.quiet {
             robot.notes.iter().for_each(|note| eprintln!("note: {note}"));
         }
-        let trainer = Trainer::new(&settings, robot)?;
+        let source = args.from.as_deref().map(load::source).transpose()?;
+        let learner = source
+            .as_ref()
+            .map(|source| source.agent(&settings, &robot))
+            .transpose()?;
+        let mut trainer = Trainer::new(&settings, robot)?;
+        if let Some(agent) = learner {
+            trainer.begin_with(agent);
+        }
         let folder = args
             .run
             .clone()
             .unwrap_or_else(|| default_folder(args.config.as_deref(), settings.train.seed));
-        let run = RunFolder::create(&folder, &text)?;
-        load::copy_robot(&settings.robot.path, &folder.join("robot"))?;
+        // Everything a resume needs is there before the configuration, which makes the folder a run.
+        let run = RunFolder::prepare(&folder)?;
+        load::copy_robot(&settings.robot.path, &run.robot())?;
+        let shape = Shape::new(&settings, &run.robot())?;
+        let checkpoints = run.checkpoints();
+        checkpoints.save(&checkpoint::save(&trainer, &shape)?, settings.train.keep_checkpoints)?;
+        let mut sessions = Sessions::new(&run.sessions());
+        sessions.push(session(&settings, 0, source.map(|source| source.origin())))?;
+        run.begin(&text)?;
         Ok(Self {
-            checkpoints: run.checkpoints(),
-            metrics: MetricsWriter::create(&folder.join("metrics.csv"), &metrics::NAMES)?,
+            checkpoints,
+            metrics: MetricsWriter::create(&run.metrics(), &metrics::NAMES)?,
             events: EventWriter::create(&folder, None).into_diagnostic()?,
+            begun: Instant::now(),
+            shape,
+            sessions,
             settings,
             trainer,
             folder,
@@ -122,23 +153,29 @@ impl Session {
         })?;
         let run = RunFolder::resume(&folder)?;
         let changes: Vec<String> = args.steps.iter().map(|steps| format!("train.steps={steps}")).collect();
-        let (settings, _) = load::settings(Some(&folder.join("config.toml")), &changes)?;
-        let robot = load::robot(&folder.join("robot"))?;
-        let latest = run.checkpoints().latest()?.ok_or_else(|| {
-            miette!(
-                help = "start it again in another folder",
-                "{} holds no checkpoint yet",
-                folder.display()
-            )
-        })?;
-        latest.skipped.iter().for_each(|error| eprintln!("warning: {error}"));
-        let trainer = checkpoint::restore(&latest.checkpoint, &settings, robot)
-            .wrap_err_with(|| format!("cannot go on from {}", latest.path.display()))?;
+        let (settings, text) = load::settings(Some(&run.config()), &changes)?;
+        let robot = load::robot(&run.robot())?;
+        let latest = load::latest(&run)?;
+        let shape = Shape::new(&settings, &run.robot())?;
+        let cannot = || format!("cannot go on from {}", latest.path.display());
+        for setting in shape.check(&latest.checkpoint).wrap_err_with(cannot)? {
+            eprintln!("warning: the run was trained by a version that did not know {setting}");
+        }
+        let trainer = checkpoint::restore(&latest.checkpoint, &settings, robot).wrap_err_with(cannot)?;
         let step = trainer.progress().steps;
+        let mut sessions = Sessions::open(&run.sessions())?;
+        let metrics = MetricsWriter::resume(&run.metrics(), &metrics::NAMES, step)?;
+        sessions.push(session(&settings, step, None))?;
+        if args.steps.is_some() {
+            run.begin(&text)?;
+        }
         Ok(Self {
             checkpoints: run.checkpoints(),
-            metrics: MetricsWriter::resume(&folder.join("metrics.csv"), &metrics::NAMES, step)?,
+            metrics,
             events: EventWriter::create(&folder, Some(step)).into_diagnostic()?,
+            begun: Instant::now(),
+            shape,
+            sessions,
             settings,
             trainer,
             folder,
@@ -156,12 +193,14 @@ impl Session {
         while self.trainer.progress().steps < total && !stop.load(Ordering::Relaxed) {
             let report = self.trainer.update();
             let figures = metrics::figures(&self.trainer, &report);
-            self.write(&figures)?;
+            let noted = self.write(&figures);
             display.update(self.trainer.progress().steps, &figures, &started, first_step);
-            if written.elapsed() >= pause {
+            // What was learned is kept even if its figures cannot be.
+            if noted.is_err() || written.elapsed() >= pause {
                 self.save()?;
                 written = Instant::now();
             }
+            noted?;
         }
         display.finish();
         let path = self.save()?;
@@ -181,10 +220,15 @@ impl Session {
     }
 
     fn save(&mut self) -> miette::Result<PathBuf> {
-        let checkpoint = checkpoint::save(&self.trainer)?;
-        Ok(self
+        let checkpoint = checkpoint::save(&self.trainer, &self.shape)?;
+        let path = self
             .checkpoints
-            .save(&checkpoint, self.settings.train.keep_checkpoints)?)
+            .save(&checkpoint, self.settings.train.keep_checkpoints)
+            .wrap_err(
+                "training stops; the checkpoints before are as they were, go on by --resume once there is room",
+            )?;
+        self.sessions.progress(checkpoint.step, self.begun.elapsed())?;
+        Ok(path)
     }
 
     fn conclude(&self, path: &Path) {
@@ -199,8 +243,29 @@ impl Session {
         );
         if progress.steps < self.settings.train.steps {
             println!("go on:  omniwalk train --resume --run {folder}");
+        } else {
+            println!("extend: omniwalk train --resume --run {folder} --steps N");
         }
         println!("judge:  omniwalk eval {folder}");
+    }
+}
+
+/// What the record says of this process, which trains on from `step`.
+fn session(settings: &Settings, step: u64, from: Option<Origin>) -> Record {
+    let arguments = std::env::args_os().skip(1);
+    Record {
+        arguments: arguments.map(|word| word.to_string_lossy().into_owned()).collect(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: option_env!("OMNIWALK_COMMIT").map(str::to_owned),
+        seed: settings.train.seed,
+        threads: rayon::current_num_threads(),
+        learner_simd: omniwalk_ppo::instruction_set().to_owned(),
+        engine_simd: shape::simd(settings).map(str::to_owned),
+        started: sessions::utc(SystemTime::now()),
+        first_step: step,
+        last_step: step,
+        seconds: 0.0,
+        from,
     }
 }
 

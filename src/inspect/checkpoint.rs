@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde_json::Value;
+
 use crate::run::checkpoint::{Checkpoint, CheckpointError, Data};
 
 pub(super) fn describe(path: &Path) -> Result<String, CheckpointError> {
@@ -11,7 +13,10 @@ pub(super) fn describe(path: &Path) -> Result<String, CheckpointError> {
         text += "  metadata\n";
     }
     for (key, value) in &checkpoint.metadata {
-        text += &format!("    {key} = {value}\n");
+        text += &match value {
+            Value::Object(entries) => format!("    {key}: {} values\n", entries.len()),
+            value => format!("    {key} = {value}\n"),
+        };
     }
     text += &format!("  {} tensors\n", checkpoint.tensors.len());
     let width = checkpoint

@@ -17,6 +17,7 @@ use thiserror::Error;
 
 use crate::config::Layers;
 use crate::run::metrics::Metrics;
+use crate::run::sessions::Sessions;
 
 /// Every MCAP file starts with these bytes.
 const MCAP_MAGIC: &[u8] = b"\x89MCAP0\r\n";
@@ -47,6 +48,7 @@ pub fn describe(path: &Path, defaults: &Layers) -> Result<String, Report> {
         Kind::Checkpoint => checkpoint::describe(path)?,
         Kind::Policy => policy::describe(path)?,
         Kind::Log => log::describe(path)?,
+        Kind::Sessions => run::sessions(&Sessions::open(path)?),
         Kind::Config => config::describe(path, defaults)?,
         Kind::Metrics => metrics(&Metrics::read(path)?),
         Kind::Events => events::describe(path)?,
@@ -69,6 +71,7 @@ enum Kind {
     Policy,
     Checkpoint,
     Log,
+    Sessions,
     Config,
     Metrics,
     Events,
@@ -100,6 +103,7 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
         Some("omni") => Ok(Kind::Policy),
         Some("mcap") => Ok(Kind::Log),
         Some("safetensors") => Ok(Kind::Checkpoint),
+        Some("toml") if name == "sessions.toml" => Ok(Kind::Sessions),
         Some("toml") => Ok(Kind::Config),
         Some("csv") => Ok(Kind::Metrics),
         _ => Err(unknown()),

@@ -59,11 +59,16 @@ impl MetricsWriter {
     /// # Errors
     /// [`MetricsError::Io`], also when the file is already there.
     pub fn create(path: &Path, columns: &[&str]) -> Result<Self, MetricsError> {
-        let file = OpenOptions::new().write(true).create_new(true).open(path);
-        let mut writer = Self::over(path, file, columns)?;
-        writer.row = header(columns);
-        writer.flush_row()?;
-        Ok(writer)
+        let io = |source| MetricsError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        if path.exists() {
+            return Err(io(io::ErrorKind::AlreadyExists.into()));
+        }
+        // A file without its whole first line could not be gone on with.
+        write_atomic(path, header(columns).as_bytes()).map_err(io)?;
+        Self::over(path, OpenOptions::new().append(true).open(path), columns)
     }
 
     /// Goes on with the file at `path` after a stop: rows after `step`, and a last row that was cut off, go.

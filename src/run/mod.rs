@@ -1,7 +1,10 @@
 //! The folder of a run: what training writes and what every later command reads.
 //!
 //! ```text
-//! runs/NAME/config.toml       the whole effective configuration
+//! runs/NAME/config.toml       the whole effective configuration; written last when a run starts, so that a folder
+//!                             with it holds everything a run needs to be resumed
+//!           robot/            the robot's files
+//!           sessions.toml     how it was made: one entry for the start and for each resume
 //!           metrics.csv       one row an update
 //!           events.out.*      the same for TensorBoard
 //!           checkpoints/      the newest few, each written whole or not at all
@@ -13,6 +16,7 @@ pub mod checkpoint;
 pub mod checkpoints;
 pub mod events;
 pub mod metrics;
+pub mod sessions;
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -31,9 +35,20 @@ pub enum RunError {
     #[error("{} already holds a run", .0.display())]
     #[diagnostic(help("go on with it by `--resume`, or choose another folder by `--run DIR`"))]
     Exists(PathBuf),
+    /// There are files that training would write over, and they are no run.
+    #[error("{} already holds `{name}`", .path.display())]
+    #[diagnostic(help("choose another folder by `--run DIR`"))]
+    Taken {
+        /// The folder.
+        path: PathBuf,
+        /// What is in the way.
+        name: &'static str,
+    },
     /// There is nothing to go on with.
     #[error("{} holds no run: there is no config.toml in it", .0.display())]
-    #[diagnostic(help("a run folder is what `omniwalk train` writes, such as runs/forward"))]
+    #[diagnostic(help(
+        "a run folder is what `omniwalk train` writes, such as runs/forward-1; one whose start was cut off can be started again"
+    ))]
     NoRun(PathBuf),
     /// Another process trains in the folder.
     #[error("another omniwalk is training in {}", .0.display())]
@@ -58,31 +73,61 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Starts a run in `path` with its effective configuration. Nothing is written when this fails because of
-    /// what is already there.
+    /// Takes `path` for a new run, which begins with [`RunFolder::begin`]. What a start that was cut off before left
+    /// there is removed; nothing is written when this fails because of what is already there.
     ///
     /// # Errors
-    /// [`RunError::Exists`] when the folder already holds a run, [`RunError::Busy`], [`RunError::Io`].
-    pub fn create(path: &Path, config: &str) -> Result<Self, RunError> {
-        let used = ["config.toml", "metrics.csv", "checkpoints"]
-            .iter()
-            .any(|name| path.join(name).exists());
-        if used {
-            return Err(RunError::Exists(path.to_owned()));
-        }
-        fs::create_dir_all(path).map_err(|source| RunError::Io {
+    /// [`RunError::Exists`] when the folder already holds a run, [`RunError::Taken`], [`RunError::Busy`],
+    /// [`RunError::Io`].
+    pub fn prepare(path: &Path) -> Result<Self, RunError> {
+        let io = |source| RunError::Io {
             path: path.to_owned(),
             source,
-        })?;
+        };
         let run = Self {
             path: path.to_owned(),
-            _lock: Some(lock(path)?),
+            _lock: None,
         };
-        let io = |source| RunError::Io {
-            path: run.config(),
-            source,
-        };
-        write_atomic(&run.config(), config.as_bytes()).map_err(io)?;
+        let learned = run.checkpoints().list().iter().any(|(step, _)| *step > 0);
+        if learned || run.config().exists() || run.metrics().exists() {
+            return Err(RunError::Exists(path.to_owned()));
+        }
+        // The lock is the first file of a start: without it, what is there is not ours.
+        let began = path.join(LOCK).exists();
+        let rest = ["checkpoints", "robot"]
+            .into_iter()
+            .filter(|name| path.join(name).exists());
+        if !began && let Some(name) = rest.clone().next() {
+            return Err(RunError::Taken {
+                path: path.to_owned(),
+                name,
+            });
+        }
+        fs::create_dir_all(path).map_err(io)?;
+        let lock = Some(lock(path)?);
+        for name in rest {
+            fs::remove_dir_all(path.join(name)).map_err(io)?;
+        }
+        Ok(Self { _lock: lock, ..run })
+    }
+
+    /// Writes the effective configuration. From now on the folder holds a run: whatever is needed to go on with it
+    /// is there already.
+    ///
+    /// # Errors
+    /// [`RunError::Io`].
+    pub fn begin(&self, config: &str) -> Result<(), RunError> {
+        let path = self.config();
+        write_atomic(&path, config.as_bytes()).map_err(|source| RunError::Io { path, source })
+    }
+
+    /// [`RunFolder::prepare`] and [`RunFolder::begin`], for a run without anything else.
+    ///
+    /// # Errors
+    /// Theirs.
+    pub fn create(path: &Path, config: &str) -> Result<Self, RunError> {
+        let run = Self::prepare(path)?;
+        run.begin(config)?;
         Ok(run)
     }
 
@@ -127,6 +172,16 @@ impl RunFolder {
         self.path.join("metrics.csv")
     }
 
+    /// The copy of the robot's files.
+    pub fn robot(&self) -> PathBuf {
+        self.path.join("robot")
+    }
+
+    /// How the run was made.
+    pub fn sessions(&self) -> PathBuf {
+        self.path.join("sessions.toml")
+    }
+
     /// The checkpoints.
     pub fn checkpoints(&self) -> Checkpoints {
         Checkpoints::new(self.path.join("checkpoints"))
@@ -138,8 +193,11 @@ impl RunFolder {
     }
 }
 
+/// Name of the file that is locked while a process trains.
+const LOCK: &str = ".lock";
+
 fn lock(path: &Path) -> Result<File, RunError> {
-    let file = path.join(".lock");
+    let file = path.join(LOCK);
     let io = |source| RunError::Io {
         path: file.clone(),
         source,
@@ -174,9 +232,30 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_with_the_rest_of_a_run_counts_as_one() {
+    fn a_folder_with_checkpoints_counts_as_a_run() {
         let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("checkpoints")).unwrap();
-        assert!(matches!(RunFolder::create(folder.path(), ""), Err(RunError::Exists(_))));
+        let run = RunFolder::create(folder.path(), "").unwrap();
+        run.checkpoints().save(&checkpoint::Checkpoint::new(10), 1).unwrap();
+        fs::remove_file(run.config()).unwrap();
+        drop(run);
+        assert!(matches!(RunFolder::prepare(folder.path()), Err(RunError::Exists(_))));
+    }
+
+    #[test]
+    fn a_start_that_was_cut_off_can_be_repeated_and_nothing_else_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let robot = folder.path().join("robot");
+        fs::create_dir(&robot).unwrap();
+        fs::write(robot.join("a.urdf"), "mine").unwrap();
+        let taken = RunFolder::prepare(folder.path()).unwrap_err();
+        assert!(matches!(taken, RunError::Taken { name: "robot", .. }), "{taken}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        fs::remove_dir_all(&robot).unwrap();
+        let run = RunFolder::prepare(folder.path()).unwrap();
+        run.checkpoints().save(&checkpoint::Checkpoint::new(0), 1).unwrap();
+        fs::create_dir(run.robot()).unwrap();
+        drop(run);
+        let run = RunFolder::prepare(folder.path()).unwrap();
+        assert!(!run.robot().exists() && run.checkpoints().list().is_empty());
     }
 }

@@ -8,6 +8,7 @@ use omniwalk_env::robot::Robot;
 use omniwalk_ppo::{Agent, StateError, Tensor, TensorData};
 use thiserror::Error;
 
+use super::shape::Shape;
 use super::trainer::{Progress, TrainError, Trainer};
 use crate::run::checkpoint::{Checkpoint, CheckpointError, Data};
 use crate::settings::Settings;
@@ -42,8 +43,11 @@ pub enum RestoreError {
     Progress(postcard::Error),
 }
 
-/// Everything `trainer` needs to go on.
-pub fn save(trainer: &Trainer) -> miette::Result<Checkpoint> {
+/// Everything `trainer`, shaped by `shape`, needs to go on.
+///
+/// # Errors
+/// When the progress cannot be serialised.
+pub fn save(trainer: &Trainer, shape: &Shape) -> miette::Result<Checkpoint> {
     let progress = trainer.progress();
     let mut checkpoint = Checkpoint::new(progress.steps);
     for tensor in trainer.agent().save() {
@@ -61,6 +65,7 @@ pub fn save(trainer: &Trainer) -> miette::Result<Checkpoint> {
     checkpoint
         .metadata
         .insert("program".into(), concat!("omniwalk ", env!("CARGO_PKG_VERSION")).into());
+    shape.note(&mut checkpoint);
     checkpoint.metadata.insert("update".into(), progress.update.into());
     checkpoint.metadata.insert(WALL_SECONDS.into(), progress.seconds.into());
     Ok(checkpoint)
@@ -76,7 +81,35 @@ pub fn agent(
     observation_len: usize,
     action_len: usize,
 ) -> Result<Agent, RestoreError> {
-    let tensors: Vec<Tensor> = checkpoint
+    Ok(Agent::load(
+        settings.ppo.clone(),
+        observation_len,
+        action_len,
+        &tensors(checkpoint),
+    )?)
+}
+
+/// A learner that begins with the networks and the normaliser of a checkpoint; optimiser and learning rate are new.
+///
+/// # Errors
+/// As of [`agent`].
+pub fn agent_from_weights(
+    checkpoint: &Checkpoint,
+    settings: &Settings,
+    observation_len: usize,
+    action_len: usize,
+) -> Result<Agent, RestoreError> {
+    Ok(Agent::from_weights(
+        settings.ppo.clone(),
+        observation_len,
+        action_len,
+        &tensors(checkpoint),
+    )?)
+}
+
+/// The learner's tensors in a checkpoint.
+fn tensors(checkpoint: &Checkpoint) -> Vec<Tensor> {
+    checkpoint
         .tensors
         .iter()
         .filter_map(|(name, tensor)| {
@@ -93,13 +126,7 @@ pub fn agent(
                 data,
             })
         })
-        .collect();
-    Ok(Agent::load(
-        settings.ppo.clone(),
-        observation_len,
-        action_len,
-        &tensors,
-    )?)
+        .collect()
 }
 
 /// A trainer that goes on where `checkpoint` was written.

@@ -2,6 +2,8 @@
 
 pub mod checkpoint;
 pub mod metrics;
+pub mod origin;
 pub mod progress;
+pub mod shape;
 pub mod trainer;
 pub mod window;

@@ -129,6 +129,11 @@ impl Trainer {
         Ok(())
     }
 
+    /// Puts another learner in the place of the one with random weights, before the first update.
+    pub fn begin_with(&mut self, agent: Agent) {
+        self.agent = agent;
+    }
+
     /// Networks, optimiser and normaliser.
     pub fn agent(&self) -> &Agent {
         &self.agent

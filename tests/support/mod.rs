@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use omniwalk::run::checkpoints::Checkpoints;
 
 /// What a run of the program gave.
 pub struct Output {
@@ -95,4 +96,14 @@ pub fn copy(from: &Path, to: &Path) {
             fs::copy(&path, &target).unwrap();
         }
     }
+}
+
+/// The newest checkpoint without the wall time in its metadata, as bytes.
+pub fn state(run: &Path) -> Vec<u8> {
+    let latest = Checkpoints::new(run.join("checkpoints")).latest().unwrap().unwrap();
+    let mut checkpoint = latest.checkpoint;
+    checkpoint.metadata.remove("wall_seconds").expect("the wall time");
+    let path = run.join("state.safetensors");
+    checkpoint.write(&path).unwrap();
+    fs::read(path).unwrap()
 }

@@ -61,6 +61,16 @@ pub(crate) fn level() -> Level {
     })
 }
 
+/// Name of the instruction set the learner uses on this processor: `baseline`, `avx2` or `avx512`. Results differ in
+/// their last bits between them.
+pub fn instruction_set() -> &'static str {
+    match level() {
+        Level::Baseline => "baseline",
+        Level::Avx2 => "avx2",
+        Level::Avx512 => "avx512",
+    }
+}
+
 /// Runs a kernel on the best instruction set of this processor.
 #[inline]
 pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {

@@ -1,0 +1,226 @@
+//! Run folders that cannot be lost and that say where they come from, through the command line.
+
+#[allow(dead_code)]
+mod support;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use omniwalk::run::checkpoint::{Checkpoint, Data};
+use omniwalk::run::checkpoints::Checkpoints;
+use support::{omniwalk, state, succeeds, tiny};
+
+const START: [&str; 6] = ["train", "tiny.toml", "--run", "run", "--engine", "lanes"];
+const RESUME: [&str; 6] = ["train", "--resume", "--run", "run", "--steps", "480"];
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
+    folder
+}
+
+/// The state of a run of 480 steps that nothing disturbed.
+fn undisturbed() -> Vec<u8> {
+    let folder = folder();
+    succeeds(folder.path(), &START);
+    state(&folder.path().join("run"))
+}
+
+/// Training without an end, in the background.
+fn endless(folder: &Path) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_omniwalk"))
+        .current_dir(folder)
+        .args(START)
+        .args(["--steps", "1000000000", "--quiet"])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+fn wait_for(file: &Path) {
+    let started = Instant::now();
+    while !file.exists() {
+        assert!(started.elapsed() < Duration::from_secs(120), "no {}", file.display());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// As `kill -9` does.
+fn kill(mut child: Child) {
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_run_killed_at_any_moment_goes_on_or_starts_again_to_the_same_bits() {
+    let expected = undisturbed();
+    let began = |folder: &Path| folder.join("run/config.toml").exists();
+    for moment in [
+        "run/.lock",
+        "run/robot",
+        "run/checkpoints",
+        "run/sessions.toml",
+        "run/config.toml",
+        "run/metrics.csv",
+    ] {
+        let folder = folder();
+        let child = endless(folder.path());
+        wait_for(&folder.path().join(moment));
+        kill(child);
+        // Only a run that has begun can be resumed; before, it is started again in place.
+        if began(folder.path()) {
+            succeeds(folder.path(), &RESUME);
+        } else {
+            assert_eq!(omniwalk(folder.path(), &RESUME).code, 2, "at {moment}");
+            succeeds(folder.path(), &START);
+        }
+        assert!(
+            state(&folder.path().join("run")) == expected,
+            "other bits after a kill at {moment}"
+        );
+    }
+}
+
+#[test]
+fn a_process_that_was_killed_leaves_no_lock_behind() {
+    let folder = folder();
+    let child = endless(folder.path());
+    wait_for(&folder.path().join("run/metrics.csv"));
+    let second = omniwalk(folder.path(), &RESUME);
+    assert_eq!(second.code, 2);
+    assert!(
+        second.message().contains("another omniwalk is training in run"),
+        "{}",
+        second.err
+    );
+    kill(child);
+    succeeds(folder.path(), &RESUME);
+}
+
+#[test]
+fn a_finished_run_is_extended_with_other_settings_of_the_machine() {
+    let folder = folder();
+    succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());
+    let config = folder.path().join("run/config.toml");
+    let text = fs::read_to_string(&config).unwrap();
+    let edited = text
+        .replace("checkpoint_minutes = 5.0", "checkpoint_minutes = 1.0")
+        .replace("keep_checkpoints = 3", "keep_checkpoints = 2");
+    assert_ne!(edited, text);
+    fs::write(&config, &edited).unwrap();
+    succeeds(folder.path(), &[&RESUME[..], &["--threads", "1"]].concat());
+    assert!(state(&folder.path().join("run")) == undisturbed());
+    let extended = fs::read_to_string(&config).unwrap();
+    assert_eq!(extended, edited.replace("steps = 240", "steps = 480"));
+    let again = succeeds(folder.path(), &RESUME[..4]);
+    assert!(
+        again
+            .out
+            .contains("extend: omniwalk train --resume --run run --steps N"),
+        "{}",
+        again.out
+    );
+}
+
+#[test]
+fn a_run_says_how_it_was_made() {
+    let folder = folder();
+    succeeds(
+        folder.path(),
+        &[
+            &START[..],
+            &["--set", "ppo.clip = 0.1", "--steps", "240", "--threads", "1"],
+        ]
+        .concat(),
+    );
+    succeeds(folder.path(), &[&RESUME[..], &["--threads", "2"]].concat());
+    let described = succeeds(folder.path(), &["inspect", "run"]).out;
+    for part in [
+        "how it was made: in 2 sessions",
+        "omniwalk train tiny.toml --run run --engine lanes --set 'ppo.clip = 0.1' --steps 240 --threads 1",
+        "steps 0 to 240 in",
+        "omniwalk train --resume --run run --steps 480 --threads 2",
+        "steps 240 to 480 in",
+        concat!("omniwalk ", env!("CARGO_PKG_VERSION")),
+        "1 threads, learner ",
+        "seed 1",
+    ] {
+        assert!(described.contains(part), "{part:?} is not in\n{described}");
+    }
+    let record = fs::read_to_string(folder.path().join("run/sessions.toml")).unwrap();
+    let here = folder.path().display().to_string();
+    assert!(!record.contains(&here), "{record}");
+    assert!(
+        succeeds(folder.path(), &["inspect", "run/sessions.toml"])
+            .out
+            .contains("in 2 sessions")
+    );
+}
+
+fn newest(run: &Path) -> Checkpoint {
+    Checkpoints::new(run.join("checkpoints"))
+        .latest()
+        .unwrap()
+        .unwrap()
+        .checkpoint
+}
+
+#[test]
+fn a_run_begins_with_the_weights_of_another() {
+    let folder = folder();
+    succeeds(folder.path(), &START);
+    let start = [
+        "train",
+        "tiny.toml",
+        "--run",
+        "fine",
+        "--from",
+        "run",
+        "--engine",
+        "rapier",
+        "--steps",
+        "120",
+    ];
+    succeeds(folder.path(), &start);
+    let source = newest(&folder.path().join("run"));
+    let first = folder.path().join("fine/checkpoints/step-000000000000.safetensors");
+    let begun = Checkpoint::read(&first).unwrap();
+    for (name, tensor) in begun.tensors.iter().filter(|(name, _)| name.starts_with("agent.")) {
+        let zero = matches!(&tensor.data, Data::F32(values) if values.iter().all(|x| *x == 0.0));
+        match name.as_str() {
+            "agent.optimiser_steps" => assert_eq!(tensor.data, Data::U64(vec![0])),
+            "agent.learning_rate" => assert_eq!(tensor.data, Data::F64(vec![3e-4])),
+            _ if name.ends_with("_moment") => assert!(zero, "{name}"),
+            _ => assert!(source.tensors[name] == *tensor, "{name}"),
+        }
+    }
+    let described = succeeds(folder.path(), &["inspect", "fine"]).out;
+    let origin = "began with actor, critic, normaliser of run at step 480, configuration ";
+    assert!(described.contains(origin), "{described}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_costs_no_checkpoint() {
+    let folder = folder();
+    succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());
+    let run = folder.path().join("run");
+    // What is written to this device finds no room, whoever writes.
+    let unfinished = run.join("checkpoints/step-000000000480.safetensors.unfinished");
+    std::os::unix::fs::symlink("/dev/full", &unfinished).unwrap();
+    let full = omniwalk(folder.path(), &RESUME);
+    assert_eq!(full.code, 2);
+    let message = full.message();
+    for part in [
+        "cannot write run/checkpoints/step-000000000480.safetensors",
+        "No space left",
+        "--resume",
+    ] {
+        assert!(message.contains(part), "{part:?} is not in\n{message}");
+    }
+    assert_eq!(newest(&run).step, 240);
+    succeeds(folder.path(), &RESUME);
+    assert!(state(&run) == undisturbed());
+}
