@@ -6,6 +6,7 @@ mod support;
 use omniwalk_env::Batch;
 use omniwalk_env::config::EngineKind;
 use omniwalk_env::random::Stream;
+use omniwalk_env::task::command::CommandRange;
 use omniwalk_env::task::episode::End;
 use support::{ENGINES, config, robot};
 
@@ -132,4 +133,36 @@ fn episodes_end_by_falling_or_at_their_full_length_and_say_so() {
             .take_episodes()
             .any(|episode| episode.end != End::TimeOut && episode.steps < 40)
     );
+}
+
+#[test]
+fn a_step_is_judged_by_the_command_its_action_was_chosen_for() {
+    for engine in ENGINES {
+        let mut config = config(engine);
+        config.command.rate = [1e3; 3];
+        config.command.resample_seconds = 0.2;
+        let new = || Batch::new(robot("nimbro_op2x"), &config, 1, 3).unwrap();
+        let (mut forward, mut backward) = (new(), new());
+        let range = |x| CommandRange {
+            lower: [x, 0.0, 0.0],
+            upper: [x, 0.0, 0.0],
+            zero_share: 0.0,
+            axis_share: 0.0,
+        };
+        forward.set_range(range(0.5));
+        backward.set_range(range(-0.5));
+        let still = vec![0.5; forward.shared().spec.action_len()];
+        // Only a new command makes the two differ: its first step is the one in which it is drawn.
+        loop {
+            forward.step(&still);
+            backward.step(&still);
+            assert_eq!(forward.terms(), backward.terms(), "{engine:?}");
+            if bits(forward.observations()) != bits(backward.observations()) {
+                break;
+            }
+        }
+        forward.step(&still);
+        backward.step(&still);
+        assert_ne!(forward.terms(), backward.terms(), "{engine:?}");
+    }
 }

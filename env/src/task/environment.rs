@@ -30,6 +30,8 @@ pub struct Environment {
     pub(super) history: History,
     pub(super) range: CommandRange,
     pub(super) desired: [f64; 3],
+    #[serde(skip)]
+    pub(super) asked: Asked,
     pub(super) until_draw: u32,
     pub(super) step: u32,
     pub(super) length: u32,
@@ -47,6 +49,15 @@ pub struct Environment {
     pub(super) gait: GaitMeter,
     pub(super) tracking: TrackingMeter,
     pub(super) sums: Sums,
+}
+
+/// The velocities (m/s, m/s, rad/s) the policy's last observation asked for, by which the step is judged.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Asked {
+    /// Behind the ramp.
+    pub commanded: [f64; 3],
+    /// Before it.
+    pub desired: [f64; 3],
 }
 
 /// Scratch one batch shares between its environments, for starts of episodes.
@@ -89,6 +100,7 @@ impl Environment {
                 axis_share: command.axis_share,
             },
             desired: [0.0; 3],
+            asked: Asked::default(),
             until_draw: 0,
             step: 0,
             length: 0,
@@ -227,6 +239,11 @@ impl Environment {
             *sole = shape.at(poses.of(world, foot.link));
         }
         self.gait.soles(&self.soles, shared.config.control_dt());
+        // What the policy knew when it acted: a command drawn now is not held against it.
+        self.asked = Asked {
+            commanded: self.pipeline.commanded().map(f64::from),
+            desired: self.desired,
+        };
         self.redraw(shared);
         let Self { history, stream, .. } = self;
         history.record(|reading| measure(reading, shared, engine, world, &truth, stream));

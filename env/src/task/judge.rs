@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::environment::Environment;
+use super::environment::{Asked, Environment};
 use super::reward::{Factors, Judged, Motion, Terms, foot_error};
 use super::shared::Shared;
 use crate::engine::Engine;
@@ -21,7 +21,6 @@ impl Environment {
     ) -> Terms {
         let config = &shared.config.reward;
         let dt = shared.config.control_dt();
-        let commanded = self.pipeline.commanded().map(f64::from);
         let motion = Motion {
             base: [truth.velocity.x, truth.velocity.y],
             inertial: truth.velocity_along(self.heading),
@@ -42,7 +41,7 @@ impl Environment {
         let foot_error = self.foot_error(shared);
         let judged = Judged {
             motion: &self.motion,
-            commanded,
+            commanded: self.asked.commanded,
             pose_error,
             alive,
             foot_error,
@@ -89,8 +88,8 @@ impl Environment {
 
     /// Adds the step to the episode's measures.
     pub(super) fn measure_step(&mut self, shared: &Shared, engine: &dyn Engine, world: usize, truth: &Truth) {
-        let commanded = self.pipeline.commanded().map(f64::from);
-        let reached = (0..3).all(|k| (commanded[k] - self.desired[k]).abs() < 1e-4);
+        let Asked { commanded, desired } = self.asked;
+        let reached = (0..3).all(|k| (commanded[k] - desired[k]).abs() < 1e-4);
         let [along, left] = truth.velocity_along(truth.heading);
         self.tracking
             .step([along, left, truth.vertical_turn], commanded, reached);
