@@ -7,17 +7,20 @@
 //!
 //! **Friction.** The impulses along the tangents `f`, about the tangents `m` (rolling) and about the normal `t`
 //! (torsion) obey `(f / mu_t)^2 + (m / mu_r)^2 + (t / mu_z)^2 <= n^2` with the normal impulse n; mu_r and mu_z are lengths. A foot's
-//! total is the sum over its points. Divided by their coefficients the five components lie in a ball of radius n. A
-//! point that sticks takes a Newton step of its 5 x 5 block; where that leaves the ball, the point slips and takes a
-//! projected-gradient step, whose fixed points are those of maximum dissipation. [`SLIP_DAMPING`] and
-//! [`TURN_DAMPING`] make the split between points unique: a loaded point creeps with `F / SLIP_DAMPING`.
+//! total is the sum over its points. Divided by their coefficients the five components x lie in a ball of radius n. With
+//! the block B of inverse inertias and the slip s at the old x, a point that slips along `-x` obeys `s = -lambda x` for a
+//! multiplier `lambda > 0` and `|x| = n`, one that sticks `s = 0`. A visit takes `lambda = max(0, -s . x / n^2)` and then a
+//! Newton step with it, `x - (B + lambda)^-1 (s + lambda x)`, shortened to the ball: sticking and slipping points of
+//! maximum dissipation are its fixed points, and unlike a step along the gradient it does not care that sliding and
+//! turning answer on different scales. [`SLIP_DAMPING`] and [`TURN_DAMPING`] make the split between points unique: a
+//! loaded point creeps with `F / SLIP_DAMPING`.
 
 use super::factor::half_solve_path;
 use super::group::{ContactImpulse, Group};
 use super::lane::Lane;
 use super::model::{ContactBody, Model, ROOT};
-use super::spatial::{Force, Motion, Vec3};
-use super::work::{BodyWork, PointWork, Work};
+use super::spatial::{Force, Motion, Sym3, Vec3};
+use super::work::{BodyWork, LinkWork, PointWork, Work};
 
 /// Normal stiffness of a contact point, N/m.
 const STIFFNESS: f64 = 1e5;
@@ -31,8 +34,10 @@ const REACH: f64 = 0.05;
 const SLIP_DAMPING: f64 = 2e6;
 /// Moment per turning speed of a sticking point, N m s/rad.
 const TURN_DAMPING: f64 = 2e3;
-/// Share of the inverse of the block's norm that a slipping point's gradient step takes.
-const SLIP_STEP: f64 = 1.5;
+/// Added to the inverse inertia of every frictional component, so that one without friction has an inverse.
+const LEAST_RESPONSE: f64 = 1e-9;
+/// Largest multiplier of a slipping point, 1/kg: far beyond every inverse inertia, and its cube is still a single-precision number.
+const LARGEST_MULTIPLIER: f64 = 1e6;
 
 /// Height of a point above the ground. The ground is the plane z = 0: its normal is the z axis everywhere, and the tangents
 /// are x and y.
@@ -47,7 +52,7 @@ pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<
     let base_height = L::load(&group.state.position[2]);
     for (b, body) in model.bodies.iter().enumerate() {
         let link = work.links[body.link];
-        let centre = link.position.plus(link.rotation.apply(Vec3::splat(body.centre)));
+        let centre = centre(&link, body);
         let target = &mut work.bodies[b];
         target.active = false;
         for (point, &position) in target.points.iter_mut().zip(&body.points) {
@@ -76,6 +81,7 @@ pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<
         );
         target.response = gram(&target.columns);
         let cone = Cone::new(&group.parameters.friction, model.dt);
+        target.turning = turning_block(&target.response, &cone);
         let mut wrench = Force::zero();
         for (point, impulse) in target.points.iter_mut().zip(impulses) {
             point_response(&target.response, point, &cone, model.dt);
@@ -96,6 +102,26 @@ fn place_point<L: Lane>(point: &mut PointWork<L>, gap: L, dt: f64) {
     let recovery = (gap * L::of(STIFFNESS / (dt * STIFFNESS + DAMPING))).max(L::of(-PUSH_OUT));
     point.bias = gap.select_lt(L::zero(), recovery, gap * L::of(1.0 / dt));
     point.normal_max = gap.select_lt(L::of(REACH), L::of(f32::MAX.into()), L::zero());
+}
+
+/// The transposed Jacobian of the body's twist at its reference point, one row a degree of freedom of its path.
+#[cfg(test)]
+pub fn jacobian<L: Lane>(model: &Model<L>, body: &ContactBody<L>, work: &Work<L>) -> Vec<[L; 6]> {
+    let mut columns = vec![[L::zero(); 6]; body.path.len()];
+    unit_wrenches(
+        model,
+        body,
+        centre(&work.links[body.link], body),
+        &work.subspaces,
+        &mut columns,
+    );
+    columns
+}
+
+/// The body's reference point, relative to the base link's origin.
+#[inline(always)]
+fn centre<L: Lane>(link: &LinkWork<L>, body: &ContactBody<L>) -> Vec3<L> {
+    link.position.plus(link.rotation.apply(Vec3::splat(body.centre)))
 }
 
 /// The transposed Jacobian of the body's twist at `centre`: one row a degree of freedom of its path.
@@ -130,15 +156,21 @@ fn unit_wrenches<L: Lane>(
 /// `Y^T Y`
 #[inline(always)]
 fn gram<L: Lane>(columns: &[[L; 6]]) -> [[L; 6]; 6] {
-    let mut sum = [[L::zero(); 6]; 6];
+    let mut lower = [[L::zero(); 6]; 6];
     for y in columns {
-        for r in 0..6 {
-            for c in 0..6 {
-                sum[r][c] = y[r].mul_add(y[c], sum[r][c]);
+        for (r, row) in lower.iter_mut().enumerate() {
+            for (sum, x) in row[..=r].iter_mut().zip(y) {
+                *sum = y[r].mul_add(*x, *sum);
             }
         }
     }
-    sum
+    let mut whole = lower;
+    for (r, row) in lower.iter().enumerate() {
+        for (c, x) in row[..r].iter().enumerate() {
+            whole[c][r] = *x;
+        }
+    }
+    whole
 }
 
 /// The cone's axes, for the five frictional components.
@@ -175,46 +207,58 @@ fn at_point<L: Lane>(twist: &[L; 6], arm: Vec3<L>) -> [L; 6] {
     .array()
 }
 
-/// The point's inverse inertias: its normal row, the inverse of its frictional block, the step when it slips.
+/// Turning velocity per unit of moment in scaled coordinates: the same at every point of a body.
+#[inline(always)]
+fn turning_block<L: Lane>(response: &[[L; 6]; 6], cone: &Cone<L>) -> Sym3<L> {
+    let [_, _, a, b, c] = cone.scale;
+    let [_, _, creep_a, creep_b, creep_c] = cone.creep;
+    let least = L::of(LEAST_RESPONSE);
+    Sym3 {
+        xx: (a * a).mul_add(response[3][3], creep_a + least),
+        xy: a * b * response[4][3],
+        xz: a * c * response[5][3],
+        yy: (b * b).mul_add(response[4][4], creep_b + least),
+        yz: b * c * response[5][4],
+        zz: (c * c).mul_add(response[5][5], creep_c + least),
+    }
+}
+
+/// The point's inverse inertias: its normal row, and in scaled coordinates how sliding answers to sliding and turning.
 #[inline(always)]
 fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, cone: &Cone<L>, dt: f64) {
-    // Rows of the response to a wrench at the reference point, of the twist at the contact point.
-    let mut rows = [[L::zero(); 6]; 6];
+    let arm = point.arm;
+    // Motion of the point per wrench at the reference point: rows shift, linear += angular x arm.
+    let mut rows = [[L::zero(); 6]; 3];
     for c in 0..6 {
-        let mut column = [L::zero(); 6];
-        for r in 0..6 {
-            column[r] = response[r][c];
-        }
-        let shifted = at_point(&column, point.arm);
-        for r in 0..6 {
-            rows[r][c] = shifted[r];
-        }
+        let linear = Vec3::new(response[0][c], response[1][c], response[2][c]);
+        let angular = Vec3::new(response[3][c], response[4][c], response[5][c]);
+        let shifted = linear.plus_cross(angular, arm);
+        rows[0][c] = shifted.x;
+        rows[1][c] = shifted.y;
+        rows[2][c] = shifted.z;
     }
-    // A force at the contact point acts at the reference point with moment arm x force: the columns shift like the rows.
-    let shifted = at_point(&rows[2], point.arm);
-    point.normal_step = (shifted[2] + L::of(softness(dt))).recip();
-    point.coupling = scaled(&frictional(&shifted), &cone.scale);
+    // A force at the point acts at the reference point with moment arm x force: the columns shift like the rows.
+    let [along_x, along_y, normal] = [
+        at_point(&rows[0], arm),
+        at_point(&rows[1], arm),
+        at_point(&rows[2], arm),
+    ];
+    point.normal_step = (normal[2] + L::of(softness(dt))).recip();
+    point.coupling = scaled(&frictional(&normal), &cone.scale);
 
-    let mut block = [[L::zero(); 5]; 5];
-    let mut squares = L::zero();
-    for r in 0..5 {
-        let shifted = frictional(&at_point(&rows[FRICTIONAL[r]], point.arm));
-        for c in 0..5 {
-            block[r][c] = shifted[c] * (cone.scale[r] * cone.scale[c]);
-        }
-        block[r][r] += cone.creep[r] + L::of(1e-9);
-        for entry in block[r] {
-            squares = entry.mul_add(entry, squares);
-        }
-    }
-    // The Frobenius norm bounds the largest eigenvalue; the gradient step is stable below 2.
-    point.slip_step = L::of(SLIP_STEP) / squares.sqrt();
-    point.friction_inverse = inverse(&block);
+    let [mu, _, a, b, c] = cone.scale;
+    let square_mu = mu * mu;
+    let diagonal = cone.creep[0] + L::of(LEAST_RESPONSE);
+    point.sliding = [
+        square_mu.mul_add(along_x[0], diagonal),
+        square_mu * along_y[0],
+        square_mu.mul_add(along_y[1], diagonal),
+    ];
+    let mixed = |row: &[L; 6]| Vec3::new(mu * a * row[3], mu * b * row[4], mu * c * row[5]);
+    point.mixed = [mixed(&along_x), mixed(&along_y)];
 }
 
 /// The twist's components that friction opposes: along x and y, about x, y and z.
-const FRICTIONAL: [usize; 5] = [0, 1, 3, 4, 5];
-
 #[inline(always)]
 fn frictional<L: Lane>(twist: &[L; 6]) -> [L; 5] {
     let [x, y, _, a, b, c] = *twist;
@@ -225,52 +269,6 @@ fn frictional<L: Lane>(twist: &[L; 6]) -> [L; 5] {
 #[inline(always)]
 fn softness(dt: f64) -> f64 {
     1.0 / (dt * (dt * STIFFNESS + DAMPING))
-}
-
-/// `x - a . b`
-#[inline(always)]
-fn less_products<L: Lane>(x: L, a: &[L], b: &[L]) -> L {
-    let mut rest = x;
-    for (a, b) in a.iter().zip(b) {
-        rest = a.neg_mul_add(*b, rest);
-    }
-    rest
-}
-
-/// The inverse of a symmetric positive definite matrix by Cholesky factorisation.
-#[inline(always)]
-fn inverse<L: Lane, const N: usize>(m: &[[L; N]; N]) -> [[L; N]; N] {
-    let o = L::zero();
-    let mut factor = *m;
-    // w = factor^-1, lower triangular
-    let mut w = [[o; N]; N];
-    for r in 0..N {
-        let (above, own) = factor.split_at_mut(r);
-        let row = &mut own[0];
-        for (c, above) in above.iter().enumerate() {
-            row[c] = less_products(row[c], &row[..c], &above[..c]) * w[c][c];
-        }
-        w[r][r] = less_products(row[r], &row[..r], &row[..r]).sqrt().recip();
-        for c in 0..r {
-            let mut sum = o;
-            for k in c..r {
-                sum = row[k].neg_mul_add(w[k][c], sum);
-            }
-            w[r][c] = sum * w[r][r];
-        }
-    }
-    let mut result = [[o; N]; N];
-    for r in 0..N {
-        for c in 0..=r {
-            let mut sum = o;
-            for row in &w[r..] {
-                sum = row[r].mul_add(row[c], sum);
-            }
-            result[r][c] = sum;
-            result[c][r] = sum;
-        }
-    }
-    result
 }
 
 /// The wrench of a point's impulse about the body's reference point.
@@ -320,15 +318,19 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
         }
         let impulses = &mut group.state.contacts[body.first_point..][..body.points.len()];
         let mut wrench = Force::zero();
-        for (point, impulse) in target.points.iter().zip(impulses) {
+        let last = body.points.len() - 1;
+        for (p, (point, impulse)) in target.points.iter().zip(impulses).enumerate() {
             let velocity = at_point(&twist, point.arm);
             let normal = push(point, impulse, velocity[2], model.dt);
-            let friction = rub(point, impulse, &velocity, normal, &cone);
+            let friction = rub(point, &target.turning, impulse, &velocity, normal, &cone);
             let change = point_wrench(point, &ContactImpulse { normal, friction }, &cone);
             wrench = wrench.plus(change);
-            let change = change.array();
-            for (v, response) in twist.iter_mut().zip(&target.response) {
-                *v += dot6(response, &change);
+            // Nobody looks at the twist after the last point.
+            if p < last {
+                let change = change.array();
+                for (v, response) in twist.iter_mut().zip(&target.response) {
+                    *v += dot6(response, &change);
+                }
             }
         }
         add_wrench(body, target, wrench.array(), &mut work.change);
@@ -351,6 +353,7 @@ fn push<L: Lane>(point: &PointWork<L>, impulse: &mut ContactImpulse<L>, velocity
 #[inline(always)]
 fn rub<L: Lane>(
     point: &PointWork<L>,
+    turning: &Sym3<L>,
     impulse: &mut ContactImpulse<L>,
     velocity: &[L; 6],
     normal: L,
@@ -361,31 +364,64 @@ fn rub<L: Lane>(
     for r in 0..5 {
         slip[r] = point.coupling[r].mul_add(normal, cone.creep[r].mul_add(old[r], slip[r]));
     }
-    let (mut stick, mut slide) = (old, old);
-    for r in 0..5 {
-        let [a, b, c, d, e] = point.friction_inverse[r];
-        let tangential = a.mul_add(slip[0], b * slip[1]);
-        let turning = c.neg_mul_add(slip[2], d.neg_mul_add(slip[3], e.neg_mul_add(slip[4], old[r])));
-        stick[r] = turning - tangential;
-        slide[r] = point.slip_step.neg_mul_add(slip[r], old[r]);
-    }
     let radius = impulse.normal;
-    let shrink = (radius / square(&slide).max(L::of(1e-30)).sqrt()).min(L::of(1.0));
-    let outside = square(&stick);
+    let multiplier = (-product(&slip, &old) / (radius * radius).max(L::of(1e-20)))
+        .max(L::zero())
+        .min(L::of(LARGEST_MULTIPLIER));
+    for r in 0..5 {
+        slip[r] = multiplier.mul_add(old[r], slip[r]);
+    }
+    let step = newton(point, turning, multiplier, &slip);
+    let mut next = old;
+    for r in 0..5 {
+        next[r] = old[r] - step[r];
+    }
+    let shrink = (radius / product(&next, &next).max(L::of(1e-30)).sqrt()).min(L::of(1.0));
     let mut change = old;
     for r in 0..5 {
         // The sum turns a negative zero positive: a point out of reach leaves the same bits as a skipped one.
-        let next = (radius * radius).select_lt(outside, slide[r] * shrink, stick[r]) + L::zero();
+        let next = next[r] * shrink + L::zero();
         impulse.friction[r] = next;
         change[r] = next - old[r];
     }
     change
 }
 
+/// `(B + multiplier)^-1 slip`
+///
+/// With the block `[T C; C^T W]` of sliding and turning, D = C W^-1 and S = T - D C^T, the solution for (t, w) is
+/// `x = S^-1 (t - D w)` and `W^-1 w - D^T x`.
 #[inline(always)]
-fn square<L: Lane>(a: &[L; 5]) -> L {
-    let tangential = a[0].mul_add(a[0], a[1] * a[1]);
-    tangential + a[2].mul_add(a[2], a[3].mul_add(a[3], a[4] * a[4]))
+fn newton<L: Lane>(point: &PointWork<L>, turning: &Sym3<L>, multiplier: L, slip: &[L; 5]) -> [L; 5] {
+    let turning_inverse = Sym3 {
+        xx: turning.xx + multiplier,
+        yy: turning.yy + multiplier,
+        zz: turning.zz + multiplier,
+        ..*turning
+    }
+    .inverse();
+    let [mixed_x, mixed_y] = point.mixed;
+    let (lever_x, lever_y) = (turning_inverse.apply(mixed_x), turning_inverse.apply(mixed_y));
+    let [xx, xy, yy] = point.sliding;
+    let least = L::of(LEAST_RESPONSE);
+    let xx = (xx + multiplier - lever_x.dot(mixed_x)).max(least);
+    let xy = xy - lever_x.dot(mixed_y);
+    let yy = (yy + multiplier - lever_y.dot(mixed_y)).max(least);
+    let inverse = xy.neg_mul_add(xy, xx * yy).max(least * least).recip();
+
+    let [x, y, a, b, c] = *slip;
+    let turn = Vec3::new(a, b, c);
+    let (x, y) = (x - lever_x.dot(turn), y - lever_y.dot(turn));
+    let (x, y) = (xy.neg_mul_add(y, yy * x) * inverse, xy.neg_mul_add(x, xx * y) * inverse);
+    let turn = turning_inverse.apply(turn);
+    let turn = turn.minus(lever_x.times(x).plus_scaled(lever_y, y));
+    [x, y, turn.x, turn.y, turn.z]
+}
+
+#[inline(always)]
+fn product<L: Lane>(a: &[L; 5], b: &[L; 5]) -> L {
+    let tangential = a[0].mul_add(b[0], a[1] * b[1]);
+    tangential + a[2].mul_add(b[2], a[3].mul_add(b[3], a[4] * b[4]))
 }
 
 /// Ground force on every body, averaged over the step.

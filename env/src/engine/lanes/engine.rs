@@ -397,7 +397,7 @@ impl<L: Kernel> Batch<L> {
             b'l',
             b'n',
             b's',
-            1,
+            2,
             scalar,
             size(self.model.links()),
             size(self.model.dofs()),

@@ -13,9 +13,8 @@ pub struct State<L: Lane> {
     pub velocity: Motion<L>,
     pub joint_position: Vec<L>,
     pub joint_velocity: Vec<L>,
-    /// Impulses of dry friction and limits per degree of freedom, N m s or N s.
-    pub friction_impulse: Vec<L>,
-    pub limit_impulse: Vec<L>,
+    /// Impulse of dry friction and limits per degree of freedom, N m s or N s.
+    pub joint_impulse: Vec<L>,
     pub contacts: Vec<ContactImpulse<L>>,
     /// Drive torque of the last step, N m or N.
     pub torque: Vec<L>,
@@ -95,8 +94,7 @@ macro_rules! lanes {
             .into_iter()
             .chain(state.joint_position.$iter())
             .chain(state.joint_velocity.$iter())
-            .chain(state.friction_impulse.$iter())
-            .chain(state.limit_impulse.$iter())
+            .chain(state.joint_impulse.$iter())
             .chain(state.torque.$iter())
             .chain(state.contacts.$iter().flat_map(|c| [&$($mutable)? c.normal].into_iter().chain(c.friction.$iter())))
             .chain(parameters.armature.$iter())
@@ -121,14 +119,6 @@ impl<L: Lane> Group<L> {
         let dofs = model.limits.len();
         let zeros = || vec![L::zero(); dofs];
         let o = L::zero();
-        let about_com = Sym3 {
-            xx: o,
-            xy: o,
-            xz: o,
-            yy: o,
-            yz: o,
-            zz: o,
-        };
         let idle = JointDrive {
             target: o,
             stiffness: o,
@@ -145,8 +135,7 @@ impl<L: Lane> Group<L> {
                 velocity: Motion::zero(),
                 joint_position: zeros(),
                 joint_velocity: zeros(),
-                friction_impulse: zeros(),
-                limit_impulse: zeros(),
+                joint_impulse: zeros(),
                 contacts: vec![
                     ContactImpulse {
                         normal: o,
@@ -163,7 +152,7 @@ impl<L: Lane> Group<L> {
                     LinkInertia {
                         mass: o,
                         com: Vec3::zero(),
-                        about_com
+                        about_com: Sym3::zero(),
                     };
                     model.links()
                 ],

@@ -1,10 +1,18 @@
 //! Drives, dry friction and limits: one visit per degree of freedom and sweep.
 //!
-//! With the velocity change x of the step, the drive's impulse is `P(x) = clamp(P0 - c x)`, where P0 is the impulse at
-//! the old velocity and `c = dt (dt stiffness + damping)`. Where P0 lies within the clamp, c goes to the diagonal of
-//! the mass matrix and the solve is exact; where it does not, the clamped impulse is a constant. A row corrects both
-//! where the clamp turns out otherwise: an extra impulse e, at a joint whose velocity answers with `g e`, changes the
-//! drive's total impulse by `e (1 - c g)` in the implicit and by e in the constant case.
+//! **Drive.** With the velocity change x of the step, the drive's impulse is `P(x) = clamp(P0 - c x)`, where P0 is the impulse
+//! at the old velocity and `c = dt (dt stiffness + damping)`. Where P0 lies within the clamp, c goes to the diagonal of
+//! the mass matrix and the drive holds `P0 - c x` of itself; where it does not, it holds the clamped P0. A visit finds
+//! the extra impulse e that makes up for what the clamp turns out to be. With g the joint's velocity per unit of
+//! impulse and y the velocity change without e, the implicit drive needs `e = (clamp(P0 - c y) - (P0 - c y)) / (1 - c g)`,
+//! the held one `e = clamp((P0 - c (y - g S)) / (1 + c g)) - S` with its impulse S: both are
+//! `(clamp(wanted - wanted_slope y) - (held - held_slope y)) gain`.
+//!
+//! **Dry friction and limits** are one impulse: of the velocity without it, friction takes up to g times its bound, and
+//! what the limits do not allow of the rest is taken as well (the proximal map of the sum of both potentials).
+//!
+//! A row that has nothing to do changes no bit of anything, so it ends where its impulses are seen to stay: most joints
+//! of most robots cost the product that finds their velocity.
 
 use super::factor::half_solve_unit;
 use super::group::Group;
@@ -28,22 +36,28 @@ pub fn apply_drives<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work
         let torque = drive
             .stiffness
             .mul_add(error, drive.damping.neg_mul_add(v, drive.feed_forward));
-        row.drive_impulse = dt * torque;
-        row.drive_slope = dt * dt.mul_add(drive.stiffness, drive.damping);
+        row.wanted = dt * torque;
+        row.wanted_slope = dt * dt.mul_add(drive.stiffness, drive.damping);
         row.drive_min = dt * drive.torque_min;
         row.drive_max = dt * drive.torque_max;
-        row.drive_start = row.drive_impulse.clamp(row.drive_min, row.drive_max);
-        let (saturated, free) = (L::zero(), L::of(1.0));
-        let below = row.drive_max.select_lt(row.drive_impulse, saturated, free);
-        row.implicit = row.drive_impulse.select_lt(row.drive_min, saturated, below);
-        work.change[model.root + d] += row.drive_start;
-        work.mass_matrix[model.rows[model.root + d].diagonal()] += row.implicit * row.drive_slope;
+        let start = row.wanted.clamp(row.drive_min, row.drive_max);
+        row.held = start;
+        row.held_slope = implicit(row, row.wanted_slope, L::zero());
         row.drive_extra = L::zero();
-        row.friction = dt * drive.friction;
+        row.friction_speed = dt * drive.friction;
         let (lower, upper) = model.limits[d];
         row.velocity_min = -allowed_speed(q - L::splat(lower), model.dt);
         row.velocity_max = allowed_speed(L::splat(upper) - q, model.dt);
+        work.change[model.root + d] += start;
+        work.mass_matrix[model.rows[model.root + d].diagonal()] += row.held_slope;
     }
+}
+
+/// `yes` where the drive's impulse lies within its clamp at the old velocity, else `no`.
+#[inline(always)]
+fn implicit<L: Lane>(row: &JointRow<L>, yes: L, no: L) -> L {
+    let below = row.drive_max.select_lt(row.wanted, no, yes);
+    row.wanted.select_lt(row.drive_min, no, below)
 }
 
 /// The speed towards a limit at distance `gap` that just reaches it in a step; negative to come back to it.
@@ -55,8 +69,7 @@ fn allowed_speed<L: Lane>(gap: L, dt: f64) -> L {
 
 /// After the factorisation: every joint's answer to an impulse, and the warm start.
 #[inline(always)]
-pub fn prepare_rows<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
-    let one = L::of(1.0);
+pub fn prepare_rows<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work<L>) {
     for d in 0..model.limits.len() {
         let k = model.root + d;
         let path = &model.rows[k];
@@ -66,22 +79,32 @@ pub fn prepare_rows<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut 
         for y in &*column {
             response = y.mul_add(*y, response);
         }
-        let row = &mut work.rows[d];
-        row.response = response;
-        row.inverse_response = response.recip();
-        let answer = row.drive_slope * response;
-        // Implicit on the diagonal, `answer` is below one but for rounding.
-        let left = (row.implicit.neg_mul_add(answer, one)).max(L::of(1e-6));
-        row.drive_gain = left.recip();
-        row.drive_relax = left / (one - row.implicit).mul_add(answer, one);
-        let state = &mut group.state;
-        state.friction_impulse[d] = state.friction_impulse[d].clamp(-row.friction, row.friction);
-        let warm = state.friction_impulse[d] + state.limit_impulse[d];
-        add_impulse(&path.ancestors, k, column, warm, &mut work.change);
+        finish_row(&mut work.rows[d], response);
+        let warm = group.state.joint_impulse[d];
+        if warm.any_ne(L::zero()) {
+            add_impulse(&path.ancestors, k, column, warm, &mut work.change);
+        }
     }
 }
 
-/// Projects the drive, friction and limit impulses of every joint onto their bounds in turn.
+/// What of a row depends on its response.
+#[inline(always)]
+fn finish_row<L: Lane>(row: &mut JointRow<L>, response: L) {
+    let one = L::of(1.0);
+    let answer = row.wanted_slope * response;
+    // Implicit on the diagonal, `answer` is below one but for rounding.
+    let inverse = implicit(row, (one - answer).max(L::of(1e-6)), one + answer).recip();
+    row.gain = implicit(row, inverse, one);
+    let share = implicit(row, one, inverse);
+    let held = implicit(row, L::zero(), row.held);
+    row.wanted = share * answer.mul_add(held, row.wanted);
+    row.wanted_slope = share * row.wanted_slope;
+    row.response = response;
+    row.inverse_response = response.recip();
+    row.friction_speed = response * row.friction_speed;
+}
+
+/// Projects the impulses of every joint's drive, dry friction and limits onto their bounds in turn.
 #[inline(always)]
 pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
     let state = &mut group.state;
@@ -89,53 +112,36 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
         let k = model.root + d;
         let path = &model.rows[k];
         let column = &work.columns[path.start..=path.diagonal()];
-        let row = &mut work.rows[d];
-        let before = velocity_change(&path.ancestors, k, column, &work.change);
-        let mut x = before;
-        x = row.response.mul_add(project_drive(row, x), x);
-        let v = state.joint_velocity[d];
-
-        let friction = &mut state.friction_impulse[d];
-        let next = row
-            .inverse_response
-            .neg_mul_add(v + x, *friction)
-            .clamp(-row.friction, row.friction);
-        x = row.response.mul_add(next - *friction, x);
-        *friction = next;
-
-        let limit = &mut state.limit_impulse[d];
-        let free = row.response.neg_mul_add(*limit, v + x);
-        let next = (free.clamp(row.velocity_min, row.velocity_max) - free) * row.inverse_response;
-        x = row.response.mul_add(next - *limit, x);
-        *limit = next;
-
-        add_impulse(
-            &path.ancestors,
-            k,
-            column,
-            (x - before) * row.inverse_response,
-            &mut work.change,
+        let x = velocity_change(&path.ancestors, k, column, &work.change);
+        let change = project(
+            &mut work.rows[d],
+            &mut state.joint_impulse[d],
+            state.joint_velocity[d],
+            x,
         );
+        if change.any_ne(L::zero()) {
+            add_impulse(&path.ancestors, k, column, change, &mut work.change);
+        }
     }
 }
 
-/// The drive's impulse at a velocity change of `x`, the extra one included.
+/// Projects a row's impulses at a velocity change of `x` from `velocity`; returns their total change, exactly zero where
+/// they were zero and stay so.
 #[inline(always)]
-fn drive_total<L: Lane>(row: &JointRow<L>, x: L) -> L {
-    let linear = row.drive_slope.neg_mul_add(x, row.drive_impulse);
-    L::of(0.5).select_lt(row.implicit, linear, row.drive_start) + row.drive_extra
-}
+fn project<L: Lane>(row: &mut JointRow<L>, impulse: &mut L, velocity: L, x: L) -> L {
+    let g = row.response;
+    let y = g.neg_mul_add(row.drive_extra, x);
+    let wanted = row.wanted_slope.neg_mul_add(y, row.wanted);
+    let held = row.held_slope.neg_mul_add(y, row.held);
+    let extra = (wanted.clamp(row.drive_min, row.drive_max) - held) * row.gain;
 
-/// Corrects the drive at a velocity change of `x`; returns the change of its impulse.
-#[inline(always)]
-fn project_drive<L: Lane>(row: &mut JointRow<L>, x: L) -> L {
-    let total = drive_total(row, x);
-    let linear = row.drive_slope.neg_mul_add(x, row.drive_impulse);
-    let next = (linear - total)
-        .mul_add(row.drive_relax, total)
-        .clamp(row.drive_min, row.drive_max);
-    let change = (next - total) * row.drive_gain;
-    row.drive_extra += change;
+    let free = g.mul_add(extra, y) + g.neg_mul_add(*impulse, velocity);
+    let slid = free - free.clamp(-row.friction_speed, row.friction_speed);
+    let next = (slid.clamp(row.velocity_min, row.velocity_max) - free) * row.inverse_response;
+
+    let change = (extra - row.drive_extra) + (next - *impulse);
+    row.drive_extra = extra;
+    *impulse = next;
     change
 }
 
@@ -148,8 +154,9 @@ pub fn store_torques<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &Wor
         let path = &model.rows[k];
         let column = &work.columns[path.start..=path.diagonal()];
         let x = velocity_change(&path.ancestors, k, column, &work.change);
+        let total = row.held_slope.neg_mul_add(x, row.held) + row.drive_extra;
         let drive = &group.drive[d];
-        group.state.torque[d] = (drive_total(row, x) * rate).clamp(drive.torque_min, drive.torque_max);
+        group.state.torque[d] = (total * rate).clamp(drive.torque_min, drive.torque_max);
     }
 }
 

@@ -1,7 +1,8 @@
 //! Robots side by side in SIMD lanes: many worlds of one robot on one core.
 //!
-//! A vector register holds the same number of 16 (`f32`, AVX-512), 8 or 4 robots. They share the topology, so control
-//! flow is uniform, and differ in state, parameters, drives and contacts. Every lane computes the same operations
+//! A vector register holds the same number of 16 (`f32`, AVX-512), 8 or 4 robots, and two registers work side by side.
+//! The robots of such a group share the topology, so control flow is uniform, and differ in state, parameters, drives
+//! and contacts. Every lane computes the same operations, but for those that would change no bit of any lane,
 //! whatever the others hold, so a world's bits depend neither on its lane nor on its neighbours, and a world that has
 //! gone non-finite stays alone.
 //!
@@ -19,11 +20,14 @@ mod joint;
 mod kinematics;
 mod lane;
 mod model;
+mod pair;
 mod spatial;
 mod step;
 #[cfg(test)]
 mod tests;
 mod work;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 use nalgebra::{IsometryMatrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -32,7 +36,8 @@ use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
 use crate::robot::Robot;
 use engine::Batch;
 
-/// The lane type: how many robots share a vector, in which scalar. Results depend on it, so a run records it.
+/// The lane type: how many robots share a register, in which scalar; two registers are a group. Results depend on it, so
+/// a run records it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Simd {
@@ -82,12 +87,12 @@ impl Simd {
         }
     }
 
-    /// Robots in a vector. Batches of a multiple of it leave no lane idle.
+    /// Robots in a group: two registers full. Batches of a multiple of it leave no lane idle.
     pub fn width(self) -> usize {
         match self {
-            Self::F32x16 => 16,
-            Self::F32x8 | Self::F64x8 => 8,
-            Self::F64x4 => 4,
+            Self::F32x16 => 32,
+            Self::F32x8 | Self::F64x8 => 16,
+            Self::F64x4 => 8,
             Self::Scalar => 1,
         }
     }
@@ -124,13 +129,13 @@ pub struct Lanes {
 /// One variant a lane type.
 enum Level {
     #[cfg(target_arch = "x86_64")]
-    F32x16(Box<Batch<lane::F32x16>>),
+    F32x16(Box<Batch<x86::F32x16>>),
     #[cfg(target_arch = "x86_64")]
-    F32x8(Box<Batch<lane::F32x8>>),
+    F32x8(Box<Batch<x86::F32x8>>),
     #[cfg(target_arch = "x86_64")]
-    F64x8(Box<Batch<lane::F64x8>>),
+    F64x8(Box<Batch<x86::F64x8>>),
     #[cfg(target_arch = "x86_64")]
-    F64x4(Box<Batch<lane::F64x4>>),
+    F64x4(Box<Batch<x86::F64x4>>),
     Scalar(Box<Batch<lane::Single>>),
 }
 

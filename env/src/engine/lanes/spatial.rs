@@ -129,6 +129,40 @@ pub struct Sym3<L> {
 
 impl<L: Lane> Sym3<L> {
     #[inline(always)]
+    pub fn zero() -> Self {
+        let o = L::zero();
+        Self {
+            xx: o,
+            xy: o,
+            xz: o,
+            yy: o,
+            yz: o,
+            zz: o,
+        }
+    }
+    /// `self v`
+    #[inline(always)]
+    pub fn apply(&self, v: Vec3<L>) -> Vec3<L> {
+        self.rows().apply(v)
+    }
+    /// The inverse of a positive definite matrix, by cofactors.
+    #[inline(always)]
+    pub fn inverse(&self) -> Self {
+        let Self { xx, xy, xz, yy, yz, zz } = *self;
+        let a = yz.neg_mul_add(yz, yy * zz);
+        let b = xy.neg_mul_add(zz, xz * yz);
+        let c = xz.neg_mul_add(yy, xy * yz);
+        let scale = xx.mul_add(a, xy.mul_add(b, xz * c)).recip();
+        Self {
+            xx: a * scale,
+            xy: b * scale,
+            xz: c * scale,
+            yy: xz.neg_mul_add(xz, xx * zz) * scale,
+            yz: xx.neg_mul_add(yz, xy * xz) * scale,
+            zz: xy.neg_mul_add(xy, xx * yy) * scale,
+        }
+    }
+    #[inline(always)]
     pub fn plus(&self, b: &Self) -> Self {
         Self {
             xx: self.xx + b.xx,
@@ -325,19 +359,10 @@ pub struct Inertia<L> {
 impl<L: Lane> Inertia<L> {
     #[inline(always)]
     pub fn zero() -> Self {
-        let o = L::zero();
-        let second_moment = Sym3 {
-            xx: o,
-            xy: o,
-            xz: o,
-            yy: o,
-            yz: o,
-            zz: o,
-        };
         Self {
-            mass: o,
+            mass: L::zero(),
             first_moment: Vec3::zero(),
-            second_moment,
+            second_moment: Sym3::zero(),
         }
     }
     /// From mass, centre of mass and the inertia about it (parallel-axis theorem).
@@ -373,7 +398,6 @@ impl<L: Lane> Inertia<L> {
             force: m.linear.times(self.mass).plus_cross(m.angular, self.first_moment),
             moment: self
                 .second_moment
-                .rows()
                 .apply(m.angular)
                 .plus_cross(self.first_moment, m.linear),
         }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::lane::Lane;
 use super::model::Model;
-use super::spatial::{Force, Inertia, Mat3, Motion, Vec3};
+use super::spatial::{Force, Inertia, Mat3, Motion, Sym3, Vec3};
 
 /// A link's pose (position relative to the base link's origin) and motion.
 #[derive(Clone, Copy)]
@@ -20,29 +20,27 @@ pub struct LinkWork<L> {
     pub inertia: Inertia<L>,
 }
 
-/// What a degree of freedom's drive, dry friction and limits need during the sweeps.
+/// What a degree of freedom's drive, dry friction and limits need during the sweeps, see [`super::joint`].
 #[derive(Clone, Copy)]
 pub struct JointRow<L> {
     /// Velocity per unit of impulse at the joint, and its inverse.
     pub response: L,
     pub inverse_response: L,
-    /// Impulse of the unclamped drive at the old velocity, and what it loses per unit of velocity change.
-    pub drive_impulse: L,
-    pub drive_slope: L,
+    /// The drive's impulse before the clamp and what it loses per unit of velocity change.
+    pub wanted: L,
+    pub wanted_slope: L,
+    /// What the drive gives without `drive_extra`, likewise.
+    pub held: L,
+    pub held_slope: L,
     /// The clamp as impulses.
     pub drive_min: L,
     pub drive_max: L,
-    /// `drive_impulse` after the clamp.
-    pub drive_start: L,
-    /// 1 where the drive is implicit on the diagonal, 0 where it was expected to saturate.
-    pub implicit: L,
-    /// Drive impulse beyond the implicit or constant one.
+    /// Extra impulse per difference between both.
+    pub gain: L,
+    /// The drive's impulse beyond the held one.
     pub drive_extra: L,
-    /// Factors of the drive's row, see [`super::joint`].
-    pub drive_gain: L,
-    pub drive_relax: L,
-    /// Largest impulse of dry friction.
-    pub friction: L,
+    /// The velocity that dry friction can take; until the response is known its bound as impulse.
+    pub friction_speed: L,
     /// Velocities that the limits allow.
     pub velocity_min: L,
     pub velocity_max: L,
@@ -56,6 +54,8 @@ pub struct BodyWork<L: Lane> {
     pub columns: Vec<[L; 6]>,
     /// Twist at the reference point per unit of wrench there.
     pub response: [[L; 6]; 6],
+    /// Turning velocity per unit of moment in scaled coordinates.
+    pub turning: Sym3<L>,
     /// Twist at the reference point before the step.
     pub velocity: [L; 6],
     pub points: Vec<PointWork<L>>,
@@ -74,10 +74,10 @@ pub struct PointWork<L> {
     pub normal_step: L,
     /// Slip in scaled coordinates per unit of normal impulse.
     pub coupling: [L; 5],
-    /// Inverse of the frictional block in scaled coordinates, lower triangle by rows.
-    pub friction_inverse: [[L; 5]; 5],
-    /// Step of the projected gradient where the point slips.
-    pub slip_step: L,
+    /// Slip per unit of frictional impulse in scaled coordinates: sliding by sliding (xx, xy, yy), sliding along x and y by
+    /// turning.
+    pub sliding: [L; 3],
+    pub mixed: [Vec3<L>; 2],
 }
 
 /// Scratch memory of a step.
@@ -111,16 +111,15 @@ impl<L: Lane> Work<L> {
         let row = JointRow {
             response: o,
             inverse_response: o,
-            drive_impulse: o,
-            drive_slope: o,
+            wanted: o,
+            wanted_slope: o,
+            held: o,
+            held_slope: o,
             drive_min: o,
             drive_max: o,
-            drive_start: o,
-            implicit: o,
+            gain: o,
             drive_extra: o,
-            drive_gain: o,
-            drive_relax: o,
-            friction: o,
+            friction_speed: o,
             velocity_min: o,
             velocity_max: o,
         };
@@ -130,13 +129,14 @@ impl<L: Lane> Work<L> {
             bias: o,
             normal_step: o,
             coupling: [o; 5],
-            friction_inverse: [[o; 5]; 5],
-            slip_step: o,
+            sliding: [o; 3],
+            mixed: [Vec3::zero(); 2],
         };
         let body = |body: &super::model::ContactBody<L>| BodyWork {
             active: false,
             columns: vec![[o; 6]; body.path.len()],
             response: [[o; 6]; 6],
+            turning: Sym3::zero(),
             velocity: [o; 6],
             points: vec![point; body.points.len()],
         };

@@ -1,6 +1,8 @@
 //! Mass matrix, bias force and free motion.
 
-use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
+use std::path::Path;
+
+use nalgebra::{DMatrix, Point3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -9,7 +11,8 @@ use super::robots;
 use super::*;
 use crate::engine::lanes::engine::Batch;
 use crate::engine::lanes::lane::{Kernel, Single};
-use crate::engine::lanes::{dynamics, factor, kinematics};
+use crate::engine::lanes::model::ContactBody;
+use crate::engine::lanes::{contact, dynamics, factor, kinematics};
 use crate::robot::{Base, Robot};
 
 fn random_start(robot: &Robot, rng: &mut ChaCha8Rng) -> Start {
@@ -25,10 +28,22 @@ fn random_start(robot: &Robot, rng: &mut ChaCha8Rng) -> Start {
     }
 }
 
-/// Mass matrix, bias and the product of the factor at `start` in lane `lane`.
-fn terms<L: Kernel>(robot: &Robot, start: &Start, world: &World, lane: usize) -> [DMatrix<f64>; 3] {
+/// What the engine computes of a state before it solves anything.
+struct Terms {
+    mass_matrix: DMatrix<f64>,
+    bias: DMatrix<f64>,
+    /// `L^T L` of the factor.
+    product: DMatrix<f64>,
+    /// Of every contact body's twist at the mean of its points.
+    jacobians: Vec<DMatrix<f64>>,
+}
+
+/// The terms of every lane of a group, each in its own state.
+fn terms<L: Kernel>(robot: &Robot, starts: &[Start], world: &World) -> Vec<Terms> {
     let mut batch = Batch::<L>::new(robot, 0.001, L::WIDTH);
-    batch.reset(lane, start, world);
+    for (lane, start) in starts.iter().enumerate() {
+        batch.reset(lane, start, world);
+    }
     let Batch {
         model, groups, work, ..
     } = &mut batch;
@@ -36,27 +51,47 @@ fn terms<L: Kernel>(robot: &Robot, start: &Start, world: &World, lane: usize) ->
     kinematics::place_links(model, &group.state, work);
     dynamics::bias_force(model, group, work);
     dynamics::mass_matrix(model, work);
-    let dofs = model.dofs();
-    let unpacked = |packed: &[L], symmetric: bool| {
-        let mut full = DMatrix::zeros(dofs, dofs);
-        for (r, row) in model.rows.iter().enumerate() {
-            for (i, c) in row.ancestors.iter().copied().chain([r]).enumerate() {
-                full[(r, c)] = packed[row.start + i].get(lane);
-                if symmetric {
-                    full[(c, r)] = full[(r, c)];
+    let matrix = work.mass_matrix.clone();
+    factor::factor(&model.rows, &mut work.mass_matrix, &mut work.inverse_diagonal);
+    let columns: Vec<_> = model
+        .bodies
+        .iter()
+        .map(|body| contact::jacobian(model, body, work))
+        .collect();
+    let unpack = |lane: usize| {
+        let unpacked = |packed: &[L], symmetric: bool| {
+            let mut full = DMatrix::zeros(model.dofs(), model.dofs());
+            for (r, row) in model.rows.iter().enumerate() {
+                for (i, c) in row.ancestors.iter().copied().chain([r]).enumerate() {
+                    full[(r, c)] = packed[row.start + i].get(lane);
+                    if symmetric {
+                        full[(c, r)] = full[(r, c)];
+                    }
                 }
             }
+            full
+        };
+        let mut l = unpacked(&work.mass_matrix, false);
+        for (d, inverse) in work.inverse_diagonal.iter().enumerate() {
+            l[(d, d)] = 1.0 / inverse.get(lane);
         }
-        full
+        let jacobian = |(body, columns): (&ContactBody<L>, &Vec<[L; 6]>)| {
+            let mut full = DMatrix::zeros(6, model.dofs());
+            for (&d, column) in body.path.iter().zip(columns) {
+                for (r, x) in column.iter().enumerate() {
+                    full[(r, d)] = x.get(lane);
+                }
+            }
+            full
+        };
+        Terms {
+            mass_matrix: unpacked(&matrix, true),
+            bias: DMatrix::from_iterator(model.dofs(), 1, work.bias.iter().map(|b| b.get(lane))),
+            product: l.transpose() * l,
+            jacobians: model.bodies.iter().zip(&columns).map(jacobian).collect(),
+        }
     };
-    let matrix = unpacked(&work.mass_matrix, true);
-    factor::factor(&model.rows, &mut work.mass_matrix, &mut work.inverse_diagonal);
-    let mut l = unpacked(&work.mass_matrix, false);
-    for (d, inverse) in work.inverse_diagonal.iter().enumerate() {
-        l[(d, d)] = 1.0 / inverse.get(lane);
-    }
-    let bias = DVector::from_iterator(dofs, work.bias.iter().map(|b| b.get(lane)));
-    [matrix, DMatrix::from_columns(&[bias]), l.transpose() * l]
+    (0..starts.len()).map(unpack).collect()
 }
 
 /// Largest difference relative to the largest entry.
@@ -64,10 +99,27 @@ fn error(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     (a - b).amax() / b.amax()
 }
 
-fn check<L: Kernel>(bound: f64, states: usize) {
+/// Robots of files: the NimbRo-OP2X, and published descriptions where `OMNIWALK_SHARED` says where they are.
+fn published() -> Vec<Robot> {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/nimbro_op2x");
+    let shared = std::env::var_os("OMNIWALK_SHARED").map(|folder| Path::new(&folder).join("robots/urdf"));
+    let files = [
+        "igus_op/igus_op.urdf",
+        "booster_t1/T1_locomotion.urdf",
+        "unitree_g1/g1_12dof.urdf",
+    ];
+    let others = shared.iter().flat_map(|folder| files.map(|file| folder.join(file)));
+    let load = |file| crate::robot::load(&file).expect("the robot loads");
+    [own].into_iter().chain(others).map(load).collect()
+}
+
+fn check<L: Kernel>(bound: f64) {
+    const STATES: usize = 500;
     let mut rng = ChaCha8Rng::seed_from_u64(7);
-    let robots = [
-        robots::pendulum(),
+    let mut pendulum = robots::pendulum();
+    pendulum.links[1].contact_points = vec![Point3::new(0.01, 0.0, -1.0)];
+    let mut robots = vec![
+        pendulum,
         robots::slider(),
         robots::double_pendulum(),
         robots::biped(),
@@ -76,42 +128,47 @@ fn check<L: Kernel>(bound: f64, states: usize) {
         robots::random(3, Base::Floating, 60),
         robots::block(3.0, [0.2, 0.3, 0.4]),
     ];
+    robots.extend(published());
     for (n, robot) in robots.iter().enumerate() {
-        for i in 0..states {
-            let start = random_start(robot, &mut rng);
-            let world = world(robot);
-            let reference = Reference::new(robot, &start, &world);
-            let [matrix, bias, product] = terms::<L>(robot, &start, &world, i % L::WIDTH);
-            assert!(
-                error(&matrix, &reference.mass_matrix) < bound,
-                "mass matrix of robot {n}"
-            );
-            let scale = DMatrix::from_columns(&[reference.bias]);
-            assert!(
-                error(&bias, &scale) < bound,
-                "bias of robot {n}: {}",
-                error(&bias, &scale)
-            );
-            assert!(error(&product, &reference.mass_matrix) < bound, "factor of robot {n}");
+        let world = world(robot);
+        let starts: Vec<_> = (0..STATES).map(|_| random_start(robot, &mut rng)).collect();
+        for starts in starts.chunks(L::WIDTH) {
+            for (start, own) in starts.iter().zip(terms::<L>(robot, starts, &world)) {
+                let reference = Reference::new(robot, start, &world);
+                let named = [
+                    ("mass matrix", &own.mass_matrix, &reference.mass_matrix),
+                    ("bias", &own.bias, &DMatrix::from_columns(&[reference.bias])),
+                    ("factor", &own.product, &reference.mass_matrix),
+                ];
+                let contacts = own.jacobians.iter().zip(&reference.contact_jacobians);
+                assert_eq!(own.jacobians.len(), reference.contact_jacobians.len());
+                for (name, own, exact) in named
+                    .into_iter()
+                    .chain(contacts.map(|(a, b)| ("contact Jacobian", a, b)))
+                {
+                    let error = error(own, exact);
+                    assert!(error < bound, "{name} of robot {n}, {}: {error}", robot.name);
+                }
+            }
         }
     }
 }
 
 #[test]
-fn mass_matrix_bias_and_factor_agree_with_geometric_jacobians_in_f64() {
-    check::<Single>(1e-10, 100);
+fn matrices_bias_and_contact_jacobians_agree_with_geometric_ones_in_f64() {
+    check::<Single>(1e-10);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[test]
-fn mass_matrix_bias_and_factor_agree_with_geometric_jacobians_in_every_width() {
-    use crate::engine::lanes::lane::{F32x8, F32x16, F64x4, F64x8};
+fn matrices_bias_and_contact_jacobians_agree_with_geometric_ones_in_every_width() {
+    use crate::engine::lanes::x86::{F32x8, F32x16, F64x4, F64x8};
     for level in levels() {
         match level {
-            Simd::F32x16 => check::<F32x16>(1e-4, 20),
-            Simd::F32x8 => check::<F32x8>(1e-4, 20),
-            Simd::F64x8 => check::<F64x8>(1e-10, 20),
-            Simd::F64x4 => check::<F64x4>(1e-10, 20),
+            Simd::F32x16 => check::<F32x16>(1e-4),
+            Simd::F32x8 => check::<F32x8>(1e-4),
+            Simd::F64x8 => check::<F64x8>(1e-10),
+            Simd::F64x4 => check::<F64x4>(1e-10),
             Simd::Scalar => {}
         }
     }

@@ -1,7 +1,7 @@
 //! Rigid-body dynamics by geometric Jacobians in plain vectors: no spatial algebra, no recursion over forces, no
 //! sparsity. Slow and obvious, to compare with.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 
 use crate::engine::{Start, World};
 use crate::robot::{Base, JointKind, Robot};
@@ -27,6 +27,8 @@ pub struct Reference {
     /// About the world's origin.
     pub angular_momentum: Vector3<f64>,
     pub com: Vector3<f64>,
+    /// Of the twist of every link with contact points at their mean, linear above angular.
+    pub contact_jacobians: Vec<DMatrix<f64>>,
 }
 
 impl Reference {
@@ -42,6 +44,7 @@ impl Reference {
             momentum: Vector3::zeros(),
             angular_momentum: Vector3::zeros(),
             com: Vector3::zeros(),
+            contact_jacobians: vec![],
         };
         let total: f64 = world.links.iter().map(|l| l.mass).sum();
         for (l, own) in links.iter().enumerate() {
@@ -63,6 +66,15 @@ impl Reference {
             r.momentum += inertial.mass * velocity;
             r.angular_momentum += inertial.mass * com.cross(&velocity) + inertia * w;
             r.com += com * (inertial.mass / total);
+            let points = &robot.links[l].contact_points;
+            if !points.is_empty() && (l > 0 || root > 0) {
+                let mean = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len() as f64;
+                let (jv, jw) = jacobians(robot, &links, l, (own.pose * Point3::from(mean)).coords);
+                let mut both = DMatrix::zeros(6, dofs);
+                both.rows_mut(0, 3).copy_from(&jv);
+                both.rows_mut(3, 3).copy_from(&jw);
+                r.contact_jacobians.push(both);
+            }
         }
         r
     }
