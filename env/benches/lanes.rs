@@ -1,7 +1,7 @@
 //! Cost of a physics step of the lanes engine on one core, per SIMD level and phase.
 //!
 //! `cargo bench -p omniwalk-env --bench lanes [-- worlds]`. The NimbRo-OP2X at 200 Hz under a moving load: random targets every
-//! 25 ms, dry friction on, resets after falls. The levels take turns, so that all see the same machine.
+//! 25 ms, dry friction in every joint, torsional and rolling friction, resets after falls. The levels take turns, so that all see the same machine.
 
 use std::path::Path;
 use std::time::Instant;
@@ -17,6 +17,10 @@ const DT: f64 = 0.005;
 const STEPS_PER_TARGET: usize = 5;
 const TARGETS_PER_ROUND: usize = 10;
 const ROUNDS: usize = 40;
+/// Targets are uniform within this distance of the nominal pose, rad, as in `python/bench_mujoco.py`.
+const TARGET_RANGE: f64 = 0.3;
+/// In every joint, N m: the robot file has none.
+const DRY_FRICTION: f64 = 0.5;
 
 fn main() {
     let robot = robot::load(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/nimbro_op2x"))).expect("robot");
@@ -97,7 +101,7 @@ impl<'a> Load<'a> {
             drive.damping[all.clone()].fill(actuator.kd);
             drive.torque_min[all.clone()].fill(-actuator.torque_limit);
             drive.torque_max[all.clone()].fill(actuator.torque_limit);
-            drive.friction[all].fill(joint.passive.friction);
+            drive.friction[all].fill(DRY_FRICTION);
         }
         let mut engine = Lanes::new(robot, DT, worlds, level).expect("available");
         for w in 0..worlds {
@@ -122,7 +126,8 @@ impl<'a> Load<'a> {
         for _ in 0..TARGETS_PER_ROUND {
             for d in 0..self.robot.dofs.len() {
                 for w in 0..worlds {
-                    self.drive.target[d * worlds + w] = self.robot.dof(d).nominal + self.rng.random_range(-0.1..0.1);
+                    self.drive.target[d * worlds + w] =
+                        self.robot.dof(d).nominal + self.rng.random_range(-TARGET_RANGE..TARGET_RANGE);
                 }
             }
             let begin = Instant::now();

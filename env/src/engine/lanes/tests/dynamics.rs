@@ -1,6 +1,6 @@
 //! Mass matrix, bias force and free motion.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, Point3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -109,7 +109,7 @@ fn published() -> Vec<Robot> {
         "unitree_g1/g1_12dof.urdf",
     ];
     let others = shared.iter().flat_map(|folder| files.map(|file| folder.join(file)));
-    let load = |file| crate::robot::load(&file).expect("the robot loads");
+    let load = |file: PathBuf| crate::robot::load(&file).expect("the robot loads");
     [own].into_iter().chain(others).map(load).collect()
 }
 
