@@ -24,8 +24,8 @@ const TIMING: [&str; 5] = [
 fn train(folder: &Path, name: &str, engine: &str, arguments: &[&str]) -> PathBuf {
     fs::write(folder.join("tiny.toml"), tiny()).unwrap();
     // More environments than lanes are wide, so that there is more than one group to share among threads.
-    let change = ["--engine", engine, "--set", "train.environments=20", "--quiet"];
-    let steps = ["--steps", "2400"];
+    let change = ["--engine", engine, "--set", "train.environments=40", "--quiet"];
+    let steps = ["--steps", "4800"];
     let steps = if arguments.contains(&"--steps") {
         &[]
     } else {
@@ -69,9 +69,9 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
     for engine in ENGINES {
         let folder = tempfile::tempdir().unwrap();
         let whole = train(folder.path(), "whole", engine, &[]);
-        let parts = train(folder.path(), "parts", engine, &["--steps", "960"]);
+        let parts = train(folder.path(), "parts", engine, &["--steps", "1920"]);
         assert!(state(&whole) != state(&parts));
-        for steps in ["1440", "2400"] {
+        for steps in ["2880", "4800"] {
             let resume = [
                 "train",
                 "--resume",
