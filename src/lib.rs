@@ -1,6 +1,7 @@
 //! The parts the command line is made of: configuration, training, evaluation, the run folder, logs, pictures.
 
 pub mod command;
+pub mod complaint;
 pub mod config;
 pub mod eval;
 pub mod inspect;

@@ -35,7 +35,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(report) => {
-            eprintln!("{report:?}");
+            eprintln!("{}", omniwalk::complaint::text(&report));
             ExitCode::from(2)
         }
     }

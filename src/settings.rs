@@ -180,6 +180,14 @@ impl Validate for Settings {
     fn validate(&self) -> Result<(), Vec<Invalid>> {
         let mut found = self.env().invalid();
         found.extend(self.curriculum.invalid());
+        let within = |k: usize| (self.command.lower[k]..=self.command.upper[k]).contains(&self.curriculum.core[k]);
+        if self.curriculum.scheduler && !(0..3).all(within) {
+            let message = format!(
+                "within command.lower = {:?} and command.upper = {:?}",
+                self.command.lower, self.command.upper
+            );
+            found.push(("curriculum.core", message));
+        }
         found.extend(self.invalid_train());
         let mut found: Vec<Invalid> = found
             .into_iter()

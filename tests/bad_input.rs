@@ -57,6 +57,23 @@ fn refuses_robot(file: &str, from: &str, to: &str, parts: &[&str]) {
     refuses_in(write, &["inspect", "robot"], parts);
 }
 
+#[test]
+fn a_fault_behind_seventy_thousand_columns_is_named_without_a_snippet() {
+    let text = format!("ppo = {{ hidden = [8{}], epoch = 3 }}\n", " ".repeat(70_000));
+    refuses_config(text, &["unknown key `ppo.epoch`", "bad.toml:1:70"]);
+}
+
+#[test]
+fn a_robot_toml_that_is_a_folder_is_refused() {
+    let write = |folder: &Path| {
+        copy(&robot("nimbro_op2x"), &folder.join("robot"));
+        fs::remove_file(folder.join("robot/robot.toml")).unwrap();
+        fs::create_dir(folder.join("robot/robot.toml")).unwrap();
+    };
+    let train = ["train", "tiny.toml", "--run", "run", "--set", "robot.path=robot"];
+    refuses_in(write, &train, &["robot.toml"]);
+}
+
 /// A finished run, trained once.
 static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
@@ -156,6 +173,8 @@ set_refused! {
     more_environments_than_fit_into_memory: "train.environments=1000000", ["`train.environments` must be 1 to 8192"];
     more_evaluations_than_fit_into_memory: "eval.episodes=10000", ["`eval.episodes` must be"];
     an_endless_time_between_checkpoints: "train.checkpoint_minutes=inf", ["train.checkpoint_minutes"];
+    a_core_outside_the_commands: "curriculum.core=[9.0, 0.0, 0.0]", ["`curriculum.core` must be within command.lower", "--set:1:17"];
+    shares_that_are_more_than_all: "command.zero_share=0.9", ["`command.axis_share` must be at most 1 - command.zero_share"];
     a_lower_bound_above_zero: "command.lower=[0.1, 0.0, 0.0]", ["`command.lower` must be"];
     a_weight_beyond_any_learner: "reward.velocity_weight=1e300", ["`reward.velocity_weight` must be 0 to 1e6", "--set:1:24"];
     a_clock_that_never_ticks: "clock.period=0", ["`clock.period` must be 1e-6 to 1e6"];

@@ -6,7 +6,7 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Robots in a [`Row`]: as many `f32` as two SSE or NEON registers hold.
+/// Robots in a row: as many `f32` as two SSE or NEON registers hold.
 pub const ROW: usize = 8;
 
 /// A number, or one for each robot of a row.

@@ -415,6 +415,11 @@ impl EnvConfig {
         );
         share(require, c.zero_share, "command.zero_share");
         share(require, c.axis_share, "command.axis_share");
+        require(
+            c.zero_share + c.axis_share <= 1.0,
+            "command.axis_share",
+            format!("at most 1 - command.zero_share = {}", 1.0 - c.zero_share),
+        );
         not_negative(require, c.resample_seconds, "command.resample_seconds");
     }
 

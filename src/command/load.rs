@@ -76,11 +76,9 @@ pub fn copy_robot(path: &Path, folder: &Path) -> miette::Result<()> {
 
 fn robot_files(path: &Path) -> miette::Result<Vec<PathBuf>> {
     if path.is_file() {
-        let toml = path.with_extension("toml");
-        return Ok([path.to_owned(), toml]
-            .into_iter()
-            .filter(|file| file.is_file())
-            .collect());
+        let tomls = [path.with_extension("toml"), path.with_file_name("robot.toml")];
+        let toml = tomls.into_iter().find(|file| file.is_file());
+        return Ok([path.to_owned()].into_iter().chain(toml).collect());
     }
     let entries = fs::read_dir(path)
         .into_diagnostic()

@@ -33,7 +33,17 @@ pub(super) fn from_settings(
             half_extents: entry.size.get_ref().map(|size| size / 2.0),
         })
     };
-    settings.foot.iter().map(foot).collect()
+    let feet: Vec<Foot> = settings.foot.iter().map(foot).collect::<Result<_, _>>()?;
+    for (i, (foot, entry)) in feet.iter().zip(&settings.foot).enumerate() {
+        if feet[..i].iter().any(|other| other.name == foot.name) {
+            return Err(source.error(
+                entry.link.span(),
+                format!("two feet are named `{}`", foot.name),
+                "give each [[foot]] a name of its own",
+            ));
+        }
+    }
+    Ok(feet)
 }
 
 /// The link a URDF link of this name was merged into, and the named link's pose there.

@@ -14,8 +14,8 @@ use super::{Base, Kinematics, Robot, feet, joints, mirror};
 /// Smallest inertia (kg m^2) or mass (kg) that a degree of freedom may move.
 const SMALLEST_INERTIA: f64 = 1e-12;
 
-/// Loads a robot: a folder with one `.urdf` and perhaps a `robot.toml` (or a `.toml` named like the folder), or a
-/// `.urdf` file with perhaps a `.toml` of the same name beside it.
+/// Loads a robot: a folder with one `.urdf` and perhaps a `robot.toml` (or a `.toml` named like the folder or the URDF),
+/// or a `.urdf` file with perhaps a `.toml` of the same name, or a `robot.toml`, beside it.
 ///
 /// Meshes are never opened. What had to be assumed is in [`Robot::notes`].
 ///
@@ -58,8 +58,8 @@ fn files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), RobotError> {
             };
             return Err(fault(what.into(), help));
         }
-        let toml = path.with_extension("toml");
-        return Ok((path.into(), toml.is_file().then_some(toml)));
+        let candidates = [path.with_extension("toml"), path.with_file_name("robot.toml")];
+        return Ok((path.into(), candidates.into_iter().find(|file| file.exists())));
     }
     let entries =
         std::fs::read_dir(path).map_err(|error| fault(error.to_string(), "give a folder that can be read"))?;
@@ -73,10 +73,10 @@ fn files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), RobotError> {
         ));
     };
     let named = path.file_name().map(|name| path.join(name).with_extension("toml"));
-    let toml = [Some(path.join("robot.toml")), named]
+    let toml = [Some(path.join("robot.toml")), named, Some(urdf.with_extension("toml"))]
         .into_iter()
         .flatten()
-        .find(|file| file.is_file());
+        .find(|file| file.exists());
     Ok((urdf.clone(), toml))
 }
 
