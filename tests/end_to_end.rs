@@ -172,6 +172,12 @@ fn robots_are_described_from_a_folder_or_a_urdf() {
         &pendulum.display().to_string(),
         &["fixed base", "1 degrees of freedom", "no feet"],
     );
-    let urdf = pendulum.join("pendulum.urdf").display().to_string();
-    inspects(folder.path(), &urdf, &["fixed base", "no TOML beside the URDF"]);
+    let urdf = pendulum.join("pendulum.urdf");
+    inspects(
+        folder.path(),
+        &urdf.display().to_string(),
+        &["fixed base", "all 1 with an actuator and limits"],
+    );
+    fs::copy(&urdf, folder.path().join("alone.urdf")).unwrap();
+    inspects(folder.path(), "alone.urdf", &["fixed base", "no TOML beside the URDF"]);
 }
