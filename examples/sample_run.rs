@@ -6,12 +6,12 @@
 use std::path::PathBuf;
 
 use miette::{IntoDiagnostic, Result, miette};
-use omniwalk::log::messages::{Header, Imu, JointState, Odometry, PolicyStep, Quaternion, Twist, Vector3};
-use omniwalk::log::{LogWriter, Message};
 use omniwalk::run::RunFolder;
 use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::events::EventWriter;
 use omniwalk::run::metrics::MetricsWriter;
+use omniwalk_sim2real::log::messages::{Header, Imu, JointState, Odometry, PolicyStep, Quaternion, Twist, Vector3};
+use omniwalk_sim2real::log::{LogWriter, Message};
 
 const CONTROL_HZ: u64 = 40;
 const COLUMNS: [&str; 2] = ["return/total", "gait/alternation"];

@@ -1,11 +1,10 @@
-//! The parts the command line is made of: configuration, training, evaluation, the run folder, logs, pictures.
+//! The parts the command line is made of: configuration, training, evaluation, the run folder, pictures.
 
 pub mod command;
 pub mod complaint;
 pub mod config;
 pub mod eval;
 pub mod inspect;
-pub mod log;
 pub mod report;
 pub mod run;
 pub mod settings;

@@ -4,13 +4,13 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
-use omniwalk::log::messages::JointState;
-use omniwalk::log::{LogWriter, Message};
 use omniwalk::run::RunFolder;
 use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::events::{EventWriter, event_files};
 use omniwalk::run::metrics::MetricsWriter;
 use omniwalk_controller::*;
+use omniwalk_sim2real::log::messages::JointState;
+use omniwalk_sim2real::log::{LogWriter, Message};
 
 /// Exit code, stdout and stderr of `omniwalk inspect PATH`.
 fn inspect(path: &Path) -> (i32, String, String) {

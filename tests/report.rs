@@ -5,10 +5,10 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
-use omniwalk::log::messages::{JointState, Odometry, Twist};
-use omniwalk::log::{LogWriter, Message};
 use omniwalk::run::RunFolder;
 use omniwalk::run::metrics::MetricsWriter;
+use omniwalk_sim2real::log::messages::{JointState, Odometry, Twist};
+use omniwalk_sim2real::log::{LogWriter, Message};
 
 /// Exit code, stdout and stderr of `omniwalk report ARGUMENTS`.
 fn report(arguments: &[&Path]) -> (i32, String, String) {

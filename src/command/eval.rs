@@ -17,10 +17,10 @@ use crate::eval::rollout::Recorder;
 use crate::eval::suites::{ALL, CONDITIONS, Plan, Results, Suite};
 use crate::eval::table;
 use crate::eval::trial::Stage;
-use crate::log::LogError;
 use crate::run::{RunFolder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
 use crate::train::checkpoint;
+use omniwalk_sim2real::log::LogError;
 
 /// Plays a policy's mode and measures how it walks.
 ///

@@ -10,11 +10,11 @@ use omniwalk_env::task::reward::TERM_NAMES;
 use omniwalk_env::task::shared::GRAVITY;
 use serde_json::{Map, json};
 
-use crate::log::messages::{
+use omniwalk_sim2real::log::messages::{
     Header, Imu, JointState, Odometry, Point, PolicyStep, Pose, PoseWithCovariance, Quaternion, Twist,
     TwistWithCovariance, Vector3,
 };
-use crate::log::{LogError, LogWriter, Message};
+use omniwalk_sim2real::log::{LogError, LogWriter, Message};
 
 /// Writes the first episode of one environment of a batch.
 pub struct Recorder {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::log::{LogError, LogReader, Message};
+use omniwalk_sim2real::log::{LogError, LogReader, Message};
 
 /// What is known of a topic.
 struct Topic {

@@ -6,8 +6,8 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use omniwalk_env::robot::{Kinematics, Robot};
 
 use super::ReportError;
-use crate::log::messages::{JointState, Odometry, Twist};
-use crate::log::{LogReader, Message};
+use omniwalk_sim2real::log::messages::{JointState, Odometry, Twist};
+use omniwalk_sim2real::log::{LogReader, Message};
 
 /// A foot whose lowest sole corner is below this counts as on the ground, m.
 pub const CONTACT_HEIGHT: f64 = 0.01;
@@ -45,7 +45,7 @@ impl Motion {
     /// Reads the log at `path` of an episode of `robot`.
     ///
     /// # Errors
-    /// [`crate::log::LogError`] for a damaged log, [`ReportError::Rollout`] for one that holds too little or values that are no
+    /// [`omniwalk_sim2real::log::LogError`] for a damaged log, [`ReportError::Rollout`] for one that holds too little or values that are no
     /// pose of this robot.
     pub fn read(path: &Path, robot: &Robot) -> miette::Result<Self> {
         let wrong = |why: String| ReportError::Rollout {
@@ -172,7 +172,7 @@ impl<'a> Pose<'a> {
             orientation,
         );
         self.kinematics.set_pose(self.robot, &base, &self.positions);
-        let world = |v: &crate::log::messages::Vector3| orientation * Vector3::new(v.x, v.y, v.z);
+        let world = |v: &omniwalk_sim2real::log::messages::Vector3| orientation * Vector3::new(v.x, v.y, v.z);
         let (linear, angular) = (world(&twist.linear), world(&twist.angular));
         let forward = heading(&base);
         let frame = Frame {

@@ -50,6 +50,15 @@ fn messages(time: u64) -> Vec<Message> {
             ..Default::default()
         }),
         Message::Odom(Box::new(odom)),
+        Message::Battery(Box::new(BatteryState {
+            header: Header::new(time, "base"),
+            voltage: 14.8,
+            present: true,
+            cell_voltage: vec![3.7; 4],
+            serial_number: "7".into(),
+            ..BatteryState::default()
+        })),
+        Message::Enabled(joints(time)),
         Message::Policy(PolicyStep {
             observation: vec![0.1 + 0.2, -1.0],
             action: vec![0.5],

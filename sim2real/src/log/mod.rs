@@ -7,6 +7,8 @@
 //! | `/imu` | `sensor_msgs/msg/Imu` | orientation of the base, angular velocity, linear acceleration |
 //! | `/cmd_vel` | `geometry_msgs/msg/Twist` | desired velocity |
 //! | `/odom` | `nav_msgs/msg/Odometry` | base pose and twist |
+//! | `/battery` | `sensor_msgs/msg/BatteryState` | supply voltage |
+//! | `/actuator_enabled` | `sensor_msgs/msg/JointState` or `std_msgs/msg/Bool` | whether motors are on: position 0 or 1 per joint, or one value for all |
 //! | `/policy` | JSON | observation, action, reward terms |
 //!
 //! Messages are written in CDR with `ros2msg` schemas under the profile `ros2`; JSON with the same field names is
@@ -22,7 +24,7 @@ use std::path::PathBuf;
 use miette::Diagnostic;
 use thiserror::Error;
 
-use messages::{Imu, JointState, Odometry, PolicyStep, Twist};
+use messages::{BatteryState, Imu, JointState, Odometry, PolicyStep, Twist};
 
 pub use cdr::{Decoder, Encoder, Field};
 pub use reader::{Entry, LogReader};
@@ -74,6 +76,10 @@ pub enum Message {
     CmdVel(Twist),
     /// `/odom`
     Odom(Box<Odometry>),
+    /// `/battery`
+    Battery(Box<BatteryState>),
+    /// `/actuator_enabled`: position 0 or 1 per joint; one position without a name holds for all joints.
+    Enabled(JointState),
     /// `/policy`
     Policy(PolicyStep),
 }
@@ -87,8 +93,24 @@ impl Message {
             Message::Imu(_) => "/imu",
             Message::CmdVel(_) => "/cmd_vel",
             Message::Odom(_) => "/odom",
+            Message::Battery(_) => "/battery",
+            Message::Enabled(_) => "/actuator_enabled",
             Message::Policy(_) => "/policy",
         }
+    }
+
+    /// The time in its header, ns; `None` for a message without a header or with an empty one.
+    pub fn stamp(&self) -> Option<u64> {
+        let header = match self {
+            Message::JointStates(message) | Message::JointCommands(message) | Message::Enabled(message) => {
+                &message.header
+            }
+            Message::Imu(message) => &message.header,
+            Message::Odom(message) => &message.header,
+            Message::Battery(message) => &message.header,
+            Message::CmdVel(_) | Message::Policy(_) => return None,
+        };
+        Some(header.stamp.nanoseconds()).filter(|stamp| *stamp > 0)
     }
 }
 

@@ -146,6 +146,46 @@ messages! {
         /// Velocity of the base in its own frame.
         twist: TwistWithCovariance,
     }
+    /// The supply of a robot.
+    "sensor_msgs/BatteryState" BatteryState {
+        /// When.
+        header: Header,
+        /// Voltage, V.
+        voltage: f32,
+        /// Temperature, deg C; NaN where not measured.
+        temperature: f32,
+        /// Current, A, negative when discharging; NaN where not measured.
+        current: f32,
+        /// Charge, A h; NaN where not measured.
+        charge: f32,
+        /// Last full charge, A h; NaN where not measured.
+        capacity: f32,
+        /// Charge when new, A h; NaN where not measured.
+        design_capacity: f32,
+        /// Charge from 0 to 1; NaN where not measured.
+        percentage: f32,
+        /// Charging or not, by the message's constants.
+        power_supply_status: u8,
+        /// Health, by the message's constants.
+        power_supply_health: u8,
+        /// Chemistry, by the message's constants.
+        power_supply_technology: u8,
+        /// Whether there is a battery.
+        present: bool,
+        /// Voltage of each cell, V.
+        cell_voltage: Vec<f32>,
+        /// Temperature of each cell, deg C.
+        cell_temperature: Vec<f32>,
+        /// Where the battery is.
+        location: String,
+        /// Its serial number.
+        serial_number: String,
+    }
+    /// One truth value.
+    "std_msgs/Bool" Bool {
+        /// The value.
+        data: bool,
+    }
 }
 
 /// A covariance matrix, row-major.

@@ -77,7 +77,10 @@ impl LogWriter {
 
     fn append(&mut self, time: u64, message: &Message) -> Result<(), McapError> {
         let data = match message {
-            Message::JointStates(message) | Message::JointCommands(message) => cdr::encode(message),
+            Message::JointStates(message) | Message::JointCommands(message) | Message::Enabled(message) => {
+                cdr::encode(message)
+            }
+            Message::Battery(message) => cdr::encode(message.as_ref()),
             Message::Imu(message) => cdr::encode(message),
             Message::CmdVel(message) => cdr::encode(message),
             Message::Odom(message) => cdr::encode(message.as_ref()),
@@ -103,7 +106,10 @@ impl LogWriter {
 
     fn add_channel(&mut self, message: &Message) -> Result<u16, McapError> {
         let (name, encoding, schema, message_encoding) = match message {
-            Message::JointStates(message) | Message::JointCommands(message) => ros_schema(message),
+            Message::JointStates(message) | Message::JointCommands(message) | Message::Enabled(message) => {
+                ros_schema(message)
+            }
+            Message::Battery(message) => ros_schema(message.as_ref()),
             Message::Imu(message) => ros_schema(message),
             Message::CmdVel(message) => ros_schema(message),
             Message::Odom(message) => ros_schema(message.as_ref()),

@@ -10,7 +10,7 @@ use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::cdr::{self, Field};
-use super::messages::JointState;
+use super::messages::{Bool, JointState};
 use super::{LogError, Message};
 
 /// Largest record (a chunk of messages is one) that is read, bytes.
@@ -55,6 +55,9 @@ struct Channel {
     schema: String,
     encoding: String,
 }
+
+/// A JSON object.
+type Object = serde_json::Map<String, serde_json::Value>;
 
 /// An error before it knows its file.
 enum Fault {
@@ -197,6 +200,8 @@ impl Channel {
             "/imu" => Message::Imu(self.ros(data)?),
             "/cmd_vel" => Message::CmdVel(self.ros(data)?),
             "/odom" => Message::Odom(Box::new(self.ros(data)?)),
+            "/battery" => Message::Battery(Box::new(self.ros(data)?)),
+            "/actuator_enabled" => Message::Enabled(self.enabled(data)?),
             "/policy" => Message::Policy(serde_json::from_slice(data).map_err(|error| error.to_string())?),
             _ => return Ok(None),
         }))
@@ -204,18 +209,27 @@ impl Channel {
 
     /// Joint values, of which there must be as many as joints, or none.
     fn joints(&self, data: &[u8]) -> Result<JointState, String> {
-        let joints: JointState = self.ros(data)?;
-        let names = joints.name.len();
-        for (quantity, values) in [
-            ("positions", &joints.position),
-            ("velocities", &joints.velocity),
-            ("efforts", &joints.effort),
-        ] {
-            if !values.is_empty() && values.len() != names {
-                return Err(format!("it has {names} names and {} {quantity}", values.len()));
-            }
+        consistent(self.ros(data)?)
+    }
+
+    /// One truth value for all joints, or a position per joint.
+    fn enabled(&self, data: &[u8]) -> Result<JointState, String> {
+        let of_all = match self.encoding.as_str() {
+            "json" => serde_json::from_slice::<Object>(data).is_ok_and(|object| object.contains_key("data")),
+            _ => self.schema == "std_msgs/msg/Bool",
+        };
+        if of_all {
+            let all: Bool = self.ros(data)?;
+            return Ok(JointState {
+                position: vec![f64::from(u8::from(all.data))],
+                ..JointState::default()
+            });
         }
-        Ok(joints)
+        let joints: JointState = self.ros(data)?;
+        if joints.name.is_empty() && joints.position.len() == 1 {
+            return Ok(joints);
+        }
+        consistent(joints)
     }
 
     /// A ROS message in CDR or JSON.
@@ -232,4 +246,19 @@ impl Channel {
             other => Err(format!("its encoding is `{other}`, this program reads cdr and json")),
         }
     }
+}
+
+/// The joints, if each quantity has as many values as there are names, or none.
+fn consistent(joints: JointState) -> Result<JointState, String> {
+    let names = joints.name.len();
+    for (quantity, values) in [
+        ("positions", &joints.position),
+        ("velocities", &joints.velocity),
+        ("efforts", &joints.effort),
+    ] {
+        if !values.is_empty() && values.len() != names {
+            return Err(format!("it has {names} names and {} {quantity}", values.len()));
+        }
+    }
+    Ok(joints)
 }

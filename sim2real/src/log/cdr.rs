@@ -75,7 +75,20 @@ macro_rules! number_field {
         }
     )*};
 }
-number_field!(i32 => "int32", u32 => "uint32", f64 => "float64");
+number_field!(u8 => "uint8", i32 => "int32", u32 => "uint32", f32 => "float32", f64 => "float64");
+
+impl Field for bool {
+    fn type_name() -> String {
+        "bool".to_owned()
+    }
+    fn define(_: &mut Vec<(String, String)>) {}
+    fn encode(&self, encoder: &mut Encoder) {
+        u8::from(*self).encode(encoder);
+    }
+    fn decode(decoder: &mut Decoder<'_>) -> Result<Self, String> {
+        u8::decode(decoder).map(|byte| byte != 0)
+    }
+}
 
 impl Field for String {
     fn type_name() -> String {

@@ -1,0 +1,188 @@
+//! Logs as identification sees them: what each joint was told and what it did, each quantity on its own clock.
+//!
+//! Samples are what was measured: nothing is interpolated or filtered. Rows that repeat an earlier reading because
+//! nothing new had arrived are left out and counted.
+
+mod clock;
+mod error;
+mod mcap;
+mod repeats;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+
+pub use error::RecordingError;
+
+/// Values on their own clock.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Samples<T> {
+    /// When, s from the log's start, strictly increasing.
+    pub time: Vec<f64>,
+    /// What; as many as times.
+    pub value: Vec<T>,
+}
+
+/// Samples of one quantity.
+pub type Series = Samples<f64>;
+
+impl<T> Default for Samples<T> {
+    fn default() -> Self {
+        Self {
+            time: Vec::new(),
+            value: Vec::new(),
+        }
+    }
+}
+
+impl<T> Samples<T> {
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// The last value at or before `time` (s); `None` before the first.
+    pub fn held_at(&self, time: f64) -> Option<&T> {
+        let after = self.time.partition_point(|&t| t <= time);
+        self.value.get(after.checked_sub(1)?)
+    }
+
+    /// Time from the first to the last sample, s; 0 without any.
+    pub fn span(&self) -> f64 {
+        match (self.time.first(), self.time.last()) {
+            (Some(first), Some(last)) => last - first,
+            _ => 0.0,
+        }
+    }
+
+    fn push(&mut self, time: f64, value: T) {
+        self.time.push(time);
+        self.value.push(value);
+    }
+}
+
+/// What a joint's command says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CommandKind {
+    /// Where to go: rad, or m for a sliding joint.
+    #[default]
+    Position,
+    /// How hard to push: N m, or N for a sliding joint.
+    Effort,
+}
+
+/// What one joint was told and did; a series is empty where the log has none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JointRecord {
+    /// The joint's name in the log.
+    pub name: String,
+    /// What the command says.
+    pub command_kind: CommandKind,
+    /// Commands; each holds until the next.
+    pub command: Series,
+    /// Measured position, rad (m).
+    pub position: Series,
+    /// Measured velocity, rad/s (m/s).
+    pub velocity: Series,
+    /// Measured effort, N m (N).
+    pub effort: Series,
+    /// 1 where the motor is on, 0 where it is off; each holds until the next, and the motor is on before the first.
+    pub enabled: Series,
+    /// Whatever else was measured at this joint, by name, in the log's units: `temperature`, `load`, `voltage`.
+    pub extra: BTreeMap<String, Series>,
+    /// Readings that were left out because they repeat the one before while the joint was moving.
+    pub repeated: usize,
+}
+
+/// Readings of an inertial measurement unit, in its own frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImuRecord {
+    /// Orientation in the world; empty where the unit gives none.
+    pub orientation: Samples<UnitQuaternion<f64>>,
+    /// Angular velocity, rad/s.
+    pub angular_velocity: Samples<Vector3<f64>>,
+    /// Specific force, m/s^2.
+    pub linear_acceleration: Samples<Vector3<f64>>,
+}
+
+/// Motion of the base, where it is known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OdometryRecord {
+    /// Pose in the world, m.
+    pub pose: Samples<Isometry3<f64>>,
+    /// Linear velocity in the base's own frame, m/s.
+    pub linear_velocity: Samples<Vector3<f64>>,
+    /// Angular velocity in the base's own frame, rad/s.
+    pub angular_velocity: Samples<Vector3<f64>>,
+}
+
+/// Which clock the times of a topic came from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TopicClock {
+    /// The topic.
+    pub topic: String,
+    /// Median of log time minus header stamp, s; `None` where messages carry no stamp and log time was used.
+    pub log_minus_stamp: Option<f64>,
+}
+
+/// One log, or one segment of a log that holds several.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recording {
+    /// The file's name without ending; behind a colon the segment, if the file holds several.
+    pub name: String,
+    /// Labels to group logs by, such as `trajectory` or `gain`.
+    pub groups: BTreeMap<String, String>,
+    /// Parameters of the robot that are different in this log, by dotted key: `kp`, `payload.mass`,
+    /// `supply_voltage`, `joint.NAME.kp`.
+    pub overrides: BTreeMap<String, f64>,
+    /// The joints, in the log's order.
+    pub joints: Vec<JointRecord>,
+    /// The inertial measurement unit.
+    pub imu: Option<ImuRecord>,
+    /// Motion of the base.
+    pub odometry: Option<OdometryRecord>,
+    /// Desired velocity (m/s, m/s, rad/s); each holds until the next.
+    pub velocity_command: Samples<[f64; 3]>,
+    /// Supply voltage, V.
+    pub voltage: Series,
+    /// The clocks of an MCAP file's topics.
+    pub clocks: Vec<TopicClock>,
+    /// What reading had to assume or leave out.
+    pub notes: Vec<String>,
+}
+
+/// Reads the recordings in the log at `path`.
+///
+/// # Errors
+/// [`RecordingError`] for a file that cannot be read or holds what it should not, with the place.
+pub fn read(path: &Path) -> Result<Vec<Recording>, RecordingError> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(vec![mcap::read(path, name)?])
+}
+
+impl Recording {
+    /// The joint of this name.
+    pub fn joint(&self, name: &str) -> Option<&JointRecord> {
+        self.joints.iter().find(|joint| joint.name == name)
+    }
+
+    /// Time of the last sample of any joint, s from the log's start.
+    pub fn duration(&self) -> f64 {
+        let last = |series: &Series| series.time.last().copied().unwrap_or(0.0);
+        let of_joint = |joint: &JointRecord| {
+            last(&joint.command)
+                .max(last(&joint.position))
+                .max(last(&joint.velocity))
+        };
+        self.joints.iter().map(of_joint).fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests;
