@@ -21,7 +21,7 @@ mod urdf_text;
 pub use describe::describe;
 pub use kinematics::Kinematics;
 pub use load::load;
-pub use source::{ContentError, RobotError};
+pub use source::{ContentError, RobotError, Source};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 

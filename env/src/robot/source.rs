@@ -53,13 +53,18 @@ pub struct ContentError {
 }
 
 /// A text file in memory, with its name for errors.
-pub(super) struct Source {
+pub struct Source {
+    /// The file's name as the user knows it.
     pub file: String,
+    /// What is in it.
     pub text: String,
 }
 
 impl Source {
-    /// Reads a file of at most [`MAX_BYTES`].
+    /// Reads a file of at most 8 MiB.
+    ///
+    /// # Errors
+    /// [`RobotError::File`] for a file that cannot be read, is larger, or is not UTF-8.
     pub fn read(path: &Path) -> Result<Self, RobotError> {
         let file = path.display().to_string();
         let fail = |message: String, help: &str| RobotError::File {
@@ -77,14 +82,14 @@ impl Source {
         if bytes.len() as u64 > MAX_BYTES {
             return Err(fail(
                 format!("larger than {} MiB", MAX_BYTES >> 20),
-                "a robot's text files are small",
+                "text files that people write are small",
             ));
         }
         let text = String::from_utf8(bytes).map_err(|_| fail("not UTF-8 text".into(), "save the file as UTF-8"))?;
         Ok(Self { file, text })
     }
 
-    /// An error at `range` (bytes) of the text.
+    /// An error at `range` (bytes) of the text: what is wrong, and what would be right.
     pub fn error(&self, range: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> RobotError {
         let start = self.text.floor_char_boundary(range.start);
         let end = self.text.floor_char_boundary(range.end);

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use miette::Diagnostic;
+use omniwalk_env::robot::RobotError;
 use thiserror::Error;
 
 use crate::log::LogError;
@@ -14,6 +15,10 @@ pub enum RecordingError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
+    /// A column map that cannot be used.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Map(#[from] RobotError),
     /// A file whose contents are not what they should be.
     #[error("{}: {place}: {why}", .path.display())]
     Content {

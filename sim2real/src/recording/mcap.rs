@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::clock::{self, Times};
+use super::labels::label;
+use super::map::Map;
 use super::repeats::repeats;
-use super::{CommandKind, ImuRecord, JointRecord, OdometryRecord, Recording, RecordingError, Samples, Series};
+use super::{CommandKind, ImuRecord, JointRecord, OdometryRecord, Recording, RecordingError, Samples, Series, content};
 use crate::log::messages::{self, Imu, JointState, Odometry};
 use crate::log::{LogReader, Message};
 
@@ -22,8 +24,8 @@ const VELOCITY: &str = "/cmd_vel";
 /// Distinct joint names of a file, beyond which it is no robot's log.
 const MAX_JOINTS: usize = 4096;
 
-/// Reads the recording in the MCAP file at `path`, which is called `name`.
-pub(super) fn read(path: &Path, name: String) -> Result<Recording, RecordingError> {
+/// Reads the recording in the MCAP file at `path`, which is called `name`; `map` may label it.
+pub(super) fn read(path: &Path, name: String, map: Option<&Map>) -> Result<Recording, RecordingError> {
     let mut gathered = Gathered {
         path: path.to_owned(),
         ..Gathered::default()
@@ -42,13 +44,21 @@ pub(super) fn read(path: &Path, name: String) -> Result<Recording, RecordingErro
     }
     for (key, text) in log.metadata().get("robot_overrides").into_iter().flatten() {
         let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-        let value = value.ok_or_else(|| RecordingError::Content {
-            path: path.to_owned(),
-            place: format!("metadata robot_overrides, key `{key}`"),
-            why: format!("`{text}` is no number"),
-            help: "give each overridden parameter a finite number".into(),
+        let value = value.ok_or_else(|| {
+            let place = format!("metadata robot_overrides, key `{key}`");
+            let help = "give each overridden parameter a finite number";
+            content(path, &place, format!("`{text}` is no number"), help)
         })?;
         recording.overrides.insert(key.clone(), value);
+    }
+    if let Some(map) = map {
+        let records = log.metadata().iter();
+        let fields = records.flat_map(|(name, record)| {
+            record
+                .iter()
+                .map(move |(key, value)| (format!("{name}.{key}"), value.clone()))
+        });
+        label(path, map, &fields.collect(), None, &mut recording)?;
     }
     Ok(recording)
 }
@@ -135,12 +145,7 @@ impl Gathered {
     }
 
     fn content(&self, topic: &str, index: usize, why: String, help: &str) -> RecordingError {
-        RecordingError::Content {
-            path: self.path.clone(),
-            place: format!("message {index} of {topic}"),
-            why,
-            help: help.into(),
-        }
+        content(&self.path, &format!("message {index} of {topic}"), why, help)
     }
 
     fn finish(mut self) -> Result<Recording, RecordingError> {

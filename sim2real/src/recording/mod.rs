@@ -4,16 +4,26 @@
 //! nothing new had arrived are left out and counted.
 
 mod clock;
+mod csv;
 mod error;
+mod json;
+mod labels;
+mod map;
 mod mcap;
 mod repeats;
+mod rows;
+mod table;
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::Path;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 pub use error::RecordingError;
+pub use map::Map;
+
+use map::Format;
 
 /// Values on their own clock.
 #[derive(Clone, Debug, PartialEq)]
@@ -157,13 +167,56 @@ pub struct Recording {
     pub notes: Vec<String>,
 }
 
-/// Reads the recordings in the log at `path`.
+/// Reads the recordings in the log at `path`: MCAP as it is, CSV and JSON through a column map, which can also
+/// label an MCAP file and override the robot's parameters for it.
 ///
 /// # Errors
 /// [`RecordingError`] for a file that cannot be read or holds what it should not, with the place.
-pub fn read(path: &Path) -> Result<Vec<Recording>, RecordingError> {
+pub fn read(path: &Path, map: Option<&Map>) -> Result<Vec<Recording>, RecordingError> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(vec![mcap::read(path, name)?])
+    match (format(path, map)?, map) {
+        (Format::Mcap, map) => mcap::read(path, name, map).map(|recording| vec![recording]),
+        (Format::Csv, Some(map)) => rows::recordings(path, &name, map, &csv::read(path, map)?),
+        (Format::Json, Some(map)) => rows::recordings(path, &name, map, &json::read(path, map)?),
+        (_, None) => {
+            let help = "give a column map with --map that says what its columns mean; there are examples in docs/maps";
+            Err(content(path, "the file", "it is no MCAP file".into(), help))
+        }
+    }
+}
+
+/// What kind of file is at `path`.
+fn format(path: &Path, map: Option<&Map>) -> Result<Format, RecordingError> {
+    let mut magic = [0; 5];
+    let file = std::fs::File::open(path);
+    let read = file.and_then(|mut file| file.read(&mut magic));
+    read.map_err(|error| content(path, "the file", error.to_string(), "give a file that can be read"))?;
+    if magic == *b"\x89MCAP" {
+        return Ok(Format::Mcap);
+    }
+    let ending = path
+        .extension()
+        .map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    let by_ending = match ending.as_deref() {
+        Some("json") => Some(Format::Json),
+        Some("csv" | "tsv" | "txt" | "dat") => Some(Format::Csv),
+        Some("mcap") => Some(Format::Mcap),
+        _ => None,
+    };
+    map.and_then(|map| map.format).or(by_ending).ok_or_else(|| {
+        let help = "set `format` to csv or json in the column map";
+        content(path, "the file", "its name does not tell what is in it".into(), help)
+    })
+}
+
+/// An error at a place in a file.
+fn content(path: &Path, place: &str, why: String, help: &str) -> RecordingError {
+    RecordingError::Content {
+        path: path.to_owned(),
+        place: place.to_owned(),
+        why,
+        help: help.to_owned(),
+    }
 }
 
 impl Recording {

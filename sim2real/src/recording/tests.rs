@@ -35,7 +35,7 @@ fn record(folder: &Path, messages: &[(u64, Message)]) -> Result<Recording, Recor
     log.metadata("groups", [("gain".to_owned(), "low".to_owned())].into())
         .unwrap();
     log.finish().unwrap();
-    read(&path).map(|mut recordings| recordings.remove(0))
+    read(&path, None).map(|mut recordings| recordings.remove(0))
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn time_that_goes_backwards_and_overrides_that_are_no_numbers_are_named() {
     log.metadata("robot_overrides", [("kp".to_owned(), "high".to_owned())].into())
         .unwrap();
     log.finish().unwrap();
-    let text = read(&path).unwrap_err().to_string();
+    let text = read(&path, None).unwrap_err().to_string();
     assert!(
         text.contains("robot_overrides, key `kp`") && text.contains("`high`"),
         "{text}"

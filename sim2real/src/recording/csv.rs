@@ -1,0 +1,132 @@
+//! The wanted columns of a CSV file.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+use ::csv::{ReaderBuilder, StringRecord, Trim};
+
+use super::map::Map;
+use super::table::{MAX_ROWS, Places, Table};
+use super::{RecordingError, content};
+
+/// Longest line of a header, bytes.
+const MAX_HEADER_LINE: u64 = 1 << 20;
+/// Most comment lines above the names.
+const MAX_COMMENTS: u64 = 100_000;
+
+/// Reads the columns that `map` wants from the file at `path`.
+pub(super) fn read(path: &Path, map: &Map) -> Result<Table, RecordingError> {
+    let unreadable = |error: io::Error| content(path, "the file", error.to_string(), "give a file that can be read");
+    let mut input = BufReader::new(File::open(path).map_err(unreadable)?);
+    let mut table = Table::new(map.columns(), map.text_columns());
+    let mut lines = Vec::new();
+    let comments = comments(&mut input, &mut table).map_err(unreadable)?;
+    let mut reader = ReaderBuilder::new()
+        .delimiter(map.separator as u8)
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .trim(Trim::All)
+        .from_reader(input);
+    let mut record = StringRecord::new();
+    let mut names: Option<Vec<String>> = None;
+    let mut columns = Vec::new();
+    loop {
+        let more = reader.read_record(&mut record).map_err(|error| {
+            let line = comments + error.position().map_or(0, ::csv::Position::line);
+            content(
+                path,
+                &format!("line {line}"),
+                error.to_string(),
+                "a CSV file is UTF-8 text with one row a line",
+            )
+        })?;
+        if !more {
+            break;
+        }
+        let line = comments + record.position().map_or(0, ::csv::Position::line);
+        if names.is_none() {
+            let found = header(&record, map.header);
+            columns = wanted(path, &table, &found)?;
+            names = Some(found);
+            if map.header {
+                continue;
+            }
+        }
+        if lines.len() >= MAX_ROWS {
+            let why = format!("more than {MAX_ROWS} rows");
+            return Err(content(path, &format!("line {line}"), why, "split the log"));
+        }
+        lines.push(line);
+        table.begin_row();
+        for (index, name) in &columns {
+            let cell = record.get(*index).ok_or_else(|| {
+                let why = format!("the row ends before column `{name}`: it has {} cells", record.len());
+                content(
+                    path,
+                    &format!("line {line}"),
+                    why,
+                    "give every row as many cells as there are names",
+                )
+            })?;
+            let refused = |why| {
+                content(
+                    path,
+                    &format!("line {line}"),
+                    why,
+                    "write numbers with a point, and leave a cell empty where nothing was measured",
+                )
+            };
+            table.put(name, cell).map_err(refused)?;
+        }
+    }
+    table.places = Places::Lines(lines);
+    Ok(table)
+}
+
+/// Takes the comment lines at the start as fields; gives their number.
+fn comments(input: &mut BufReader<File>, table: &mut Table) -> io::Result<u64> {
+    if input.fill_buf()?.starts_with(b"\xef\xbb\xbf") {
+        input.consume(3);
+    }
+    let mut count = 0;
+    while input.fill_buf()?.first() == Some(&b'#') && count < MAX_COMMENTS {
+        let mut line = Vec::new();
+        input.by_ref().take(MAX_HEADER_LINE).read_until(b'\n', &mut line)?;
+        let line = String::from_utf8_lossy(&line);
+        let line = line.trim_start_matches('#').trim();
+        if let Some((key, value)) = line.split_once([':', '=']) {
+            table.field(key.trim(), value.trim());
+        }
+        count += 1;
+    }
+    Ok(count)
+}
+
+/// The names in the first row, or numbers from 1.
+fn header(first: &StringRecord, has_names: bool) -> Vec<String> {
+    let number = |(index, name): (usize, &str)| {
+        if has_names {
+            name.to_owned()
+        } else {
+            (index + 1).to_string()
+        }
+    };
+    first.iter().enumerate().map(number).collect()
+}
+
+/// Position and name of each column that the table wants.
+fn wanted(path: &Path, table: &Table, names: &[String]) -> Result<Vec<(usize, String)>, RecordingError> {
+    let all: std::collections::BTreeSet<&String> = table.numbers.keys().chain(table.texts.keys()).collect();
+    let find = |name: &&String| {
+        let at = names.iter().position(|known| known == *name);
+        let at = at.ok_or_else(|| {
+            let known: Vec<&str> = names.iter().take(200).map(String::as_str).collect();
+            let help = format!("the file has {}", known.join(", "));
+            content(path, "the first row", format!("there is no column `{name}`"), &help)
+        });
+        at.map(|at| (at, (*name).clone()))
+    };
+    all.iter().map(find).collect()
+}

@@ -1,0 +1,68 @@
+//! What is special about a recording: labels to group it by, and parameters of the robot that are different in it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::map::{Label, Map, Number, Origin};
+use super::rows::Segment;
+use super::table::number;
+use super::{Recording, RecordingError, content};
+
+/// Sets the groups and overrides that the map gives, from `fields` of the file and columns of `segment`.
+pub(super) fn label(
+    path: &Path,
+    map: &Map,
+    fields: &BTreeMap<String, String>,
+    segment: Option<&Segment<'_>>,
+    recording: &mut Recording,
+) -> Result<(), RecordingError> {
+    let field = |key: &str| {
+        fields.get(key).ok_or_else(|| {
+            let known: Vec<&str> = fields.keys().take(100).map(String::as_str).collect();
+            let help = format!("its header has the fields {}", known.join(", "));
+            content(path, "the header", format!("there is no field `{key}`"), &help)
+        })
+    };
+    let no_columns = || {
+        content(
+            path,
+            "the map",
+            "an MCAP file has no columns".into(),
+            "use `field` with its metadata",
+        )
+    };
+    for (group, from) in &map.groups {
+        let text = match from {
+            Label::Constant(text) => text.clone(),
+            Label::From(Origin::Field(key)) => field(key)?.clone(),
+            Label::From(Origin::Column(column)) => {
+                let segment = segment.ok_or_else(no_columns)?;
+                segment.constant(column, &segment.table.texts[column])?.clone()
+            }
+        };
+        recording.groups.insert(group.clone(), text);
+    }
+    for (parameter, from) in &map.overrides {
+        let value = match from.get_ref() {
+            Number::Constant(value) => *value,
+            Number::From(scaled) => {
+                let raw = match (&scaled.field, &scaled.column) {
+                    (Some(key), _) => number(field(key)?),
+                    (None, Some(column)) => {
+                        let segment = segment.ok_or_else(no_columns)?;
+                        Some(*segment.constant(column, &segment.table.numbers[column])?)
+                    }
+                    (None, None) => None,
+                };
+                let value = raw
+                    .map(|raw| raw * scaled.scale + scaled.offset)
+                    .filter(|value| value.is_finite());
+                let why = || format!("override `{parameter}` is no number here");
+                value
+                    .ok_or_else(|| content(path, "the header", why(), "name a field or column with a finite number"))?
+            }
+        };
+        recording.overrides.insert(parameter.clone(), value);
+    }
+    Ok(())
+}

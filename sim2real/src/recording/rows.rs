@@ -1,0 +1,208 @@
+//! From a table of rows to recordings, by the column map.
+
+use std::ops::Range;
+use std::path::Path;
+
+use toml::Spanned;
+
+use super::labels::label;
+use super::map::{Column, JointColumns, Map};
+use super::repeats::repeats;
+use super::table::Table;
+use super::{CommandKind, JointRecord, Recording, RecordingError, Series, content};
+
+/// Makes the recordings that `table` holds; the file at `path` is called `name`.
+pub(super) fn recordings(path: &Path, name: &str, map: &Map, table: &Table) -> Result<Vec<Recording>, RecordingError> {
+    let time = map.time.as_ref().map(Spanned::get_ref).ok_or_else(|| {
+        let help = "add `time = { column = \"...\", unit = \"s\" }` to the map";
+        content(path, "the file", "the map names no time column".into(), help)
+    })?;
+    let count = table.numbers.get(&time.column).map_or(0, Vec::len);
+    if count == 0 {
+        return Err(content(
+            path,
+            "the file",
+            "it has no rows".into(),
+            "give a log with rows",
+        ));
+    }
+    segments(map, table, count)
+        .into_iter()
+        .map(|(label, rows)| {
+            let segment = Segment { path, map, table, rows };
+            let name = label.map_or_else(|| name.to_owned(), |label| format!("{name}:{label}"));
+            segment.recording(name, time)
+        })
+        .collect()
+}
+
+/// Label and rows of each segment.
+fn segments(map: &Map, table: &Table, count: usize) -> Vec<(Option<String>, Range<usize>)> {
+    let Some(labels) = map.segment.as_ref().and_then(|column| table.texts.get(column)) else {
+        return vec![(None, 0..count)];
+    };
+    let mut segments: Vec<(Option<String>, Range<usize>)> = Vec::new();
+    for (row, label) in labels.iter().enumerate() {
+        match segments.last_mut() {
+            Some((last, rows)) if last.as_ref() == Some(label) => rows.end = row + 1,
+            _ => segments.push((Some(label.clone()), row..row + 1)),
+        }
+    }
+    segments
+}
+
+/// Rows of a table that belong to one recording.
+pub(super) struct Segment<'a> {
+    path: &'a Path,
+    map: &'a Map,
+    pub table: &'a Table,
+    rows: Range<usize>,
+}
+
+impl Segment<'_> {
+    fn recording(&self, name: String, time: &Column) -> Result<Recording, RecordingError> {
+        let clock = self.clock(time)?;
+        let mut recording = Recording {
+            name,
+            ..Recording::default()
+        };
+        for joints in self.map.joint.iter().map(Spanned::get_ref) {
+            for name in &joints.names {
+                recording.joints.push(self.joint(joints, name, &clock));
+            }
+        }
+        if let Some(voltage) = &self.map.voltage {
+            recording.voltage = self.series(&clock, voltage.get_ref(), "", None);
+        }
+        label(self.path, self.map, &self.table.fields, Some(self), &mut recording)?;
+        Ok(recording)
+    }
+
+    /// Times of the rows, s from the first.
+    fn clock(&self, column: &Column) -> Result<Vec<f64>, RecordingError> {
+        let raw = self.numbers(&column.column);
+        // The raw difference first: nanoseconds since 1970 do not fit a double, their differences do.
+        let start = raw.first().copied().unwrap_or_default();
+        let relative = Column {
+            offset: 0.0,
+            signed_bits: None,
+            ..column.clone()
+        };
+        let clock: Vec<f64> = raw.iter().map(|raw| relative.value(raw - start)).collect();
+        for (index, time) in clock.iter().enumerate() {
+            let before = if index == 0 { *time } else { clock[index - 1] };
+            let why = if time.is_finite() && *time >= before {
+                continue;
+            } else if time.is_finite() {
+                format!(
+                    "column `{}`: time goes backwards: {time:.6} s after {before:.6} s, from the start",
+                    column.column
+                )
+            } else {
+                format!("column `{}`: the row has no time", column.column)
+            };
+            let help = "time increases from row to row; name a `segment` column if the file holds several logs";
+            return Err(content(
+                self.path,
+                &self.table.place(self.rows.start + index),
+                why,
+                help,
+            ));
+        }
+        Ok(clock)
+    }
+
+    fn joint(&self, columns: &JointColumns, name: &str, clock: &[f64]) -> JointRecord {
+        let measured = [&columns.position, &columns.velocity, &columns.effort];
+        let measured: Vec<&[f64]> = measured
+            .into_iter()
+            .flatten()
+            .map(|column| self.numbers(&column.of(name)))
+            .collect();
+        let position = columns.position.as_ref().map(|column| self.numbers(&column.of(name)));
+        let fresh = position.map_or_else(|| vec![true; clock.len()], |position| fresh(position, &measured));
+        let series = |column: &Option<Column>, fresh| {
+            column
+                .as_ref()
+                .map(|column| self.series(clock, column, name, fresh))
+                .unwrap_or_default()
+        };
+        let extra = columns.extra.iter();
+        let mut enabled: Series = series(&columns.enabled, None);
+        enabled
+            .value
+            .iter_mut()
+            .for_each(|value| *value = f64::from(u8::from(*value != 0.0)));
+        JointRecord {
+            name: name.to_owned(),
+            command_kind: columns
+                .command
+                .as_ref()
+                .map_or(CommandKind::Position, Column::command_kind),
+            command: series(&columns.command, None),
+            position: series(&columns.position, Some(&fresh)),
+            velocity: series(&columns.velocity, Some(&fresh)),
+            effort: series(&columns.effort, Some(&fresh)),
+            enabled,
+            extra: extra
+                .map(|(key, column)| (key.clone(), self.series(clock, column, name, None)))
+                .collect(),
+            repeated: fresh.iter().filter(|fresh| !**fresh).count(),
+        }
+    }
+
+    /// The finite values of a column, of those rows that are wanted; of equal times the first counts.
+    fn series(&self, clock: &[f64], column: &Column, joint: &str, wanted: Option<&[bool]>) -> Series {
+        let mut series = Series::default();
+        for (row, (&time, &raw)) in clock.iter().zip(self.numbers(&column.of(joint))).enumerate() {
+            let value = column.value(raw);
+            let later = series.time.last().is_none_or(|last| time > *last);
+            if value.is_finite() && later && wanted.is_none_or(|wanted| wanted[row]) {
+                series.push(time, value);
+            }
+        }
+        series
+    }
+
+    fn numbers(&self, column: &str) -> &[f64] {
+        self.table
+            .numbers
+            .get(column)
+            .map_or(&[], |values| &values[self.rows.clone()])
+    }
+
+    /// The one value of a column.
+    pub fn constant<'t, T: PartialEq + ToString>(
+        &self,
+        column: &str,
+        values: &'t [T],
+    ) -> Result<&'t T, RecordingError> {
+        let first = &values[self.rows.start];
+        match self.rows.clone().find(|&row| values[row] != *first) {
+            None => Ok(first),
+            Some(row) => {
+                let why = format!(
+                    "column `{column}` changes from {} to {}",
+                    first.to_string(),
+                    values[row].to_string()
+                );
+                let help = "a label or an override holds for a whole recording; name the column as `segment` as well";
+                Err(content(self.path, &self.table.place(row), why, help))
+            }
+        }
+    }
+}
+
+/// Which rows hold a reading of their own.
+fn fresh(position: &[f64], measured: &[&[f64]]) -> Vec<bool> {
+    if !position.iter().all(|position| position.is_finite()) {
+        return vec![true; position.len()];
+    }
+    let equal = |row: usize| {
+        measured
+            .iter()
+            .all(|values| values[row].to_bits() == values[row - 1].to_bits())
+    };
+    let same: Vec<bool> = (0..position.len()).map(|row| row > 0 && equal(row)).collect();
+    repeats(position, &same).into_iter().map(|repeated| !repeated).collect()
+}

@@ -1,0 +1,74 @@
+//! The measured logs that `OMNIWALK_SHARED` points to are read through the maps in the documentation.
+
+use std::path::{Path, PathBuf};
+
+use omniwalk_sim2real::recording::{Map, Recording, read};
+
+/// The recordings of a set of logs; `None` without the logs.
+fn recordings(set: &str, map: &str) -> Option<Vec<Recording>> {
+    let Some(shared) = std::env::var_os("OMNIWALK_SHARED") else {
+        println!("skipped: OMNIWALK_SHARED is not set");
+        return None;
+    };
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/maps");
+    let map = Map::load(&docs.join(map)).unwrap();
+    let folder = std::fs::read_dir(PathBuf::from(shared).join("data").join(set)).unwrap();
+    let mut files: Vec<PathBuf> = folder.map(|entry| entry.unwrap().path()).collect();
+    files.retain(|file| {
+        file.extension()
+            .is_some_and(|ending| ending == "json" || ending == "csv")
+    });
+    files.sort();
+    Some(files.iter().flat_map(|file| read(file, Some(&map)).unwrap()).collect())
+}
+
+#[test]
+fn servo_logs_say_when_the_motor_was_off_and_which_gain_it_had() {
+    let Some(logs) = recordings("bam_xl330", "bam_xl330.toml") else {
+        return;
+    };
+    assert_eq!(logs.len(), 16);
+    for log in &logs {
+        let joint = log.joint("hinge").unwrap();
+        assert!(joint.position.len() > 800 && log.duration() > 5.9, "{}", log.name);
+        let dropped = joint.enabled.held_at(5.0) == Some(&0.0);
+        assert_eq!(dropped, log.groups["trajectory"] == "lift_and_drop", "{}", log.name);
+        assert!(joint.extra["load"].value.iter().all(|load| load.abs() < 1000.0));
+        assert!((0.4..4.0).contains(&log.overrides["kp"]));
+    }
+    let repeated: usize = logs.iter().map(|log| log.joints[0].repeated).sum();
+    let rows: usize = logs.iter().map(|log| log.joints[0].command.len()).sum();
+    // Equal positions beside a changing speed are slow motion on a coarse encoder, and half the rows of a hold are equal.
+    assert!(
+        repeated < rows / 1000,
+        "{repeated} of {rows} readings repeat the one before"
+    );
+    let Some(logs) = recordings("bam_sts3250", "bam_sts3250.toml") else {
+        return;
+    };
+    assert!(logs.len() == 4 && logs.iter().all(|log| log.joints[0].velocity.len() > 200));
+}
+
+#[test]
+fn the_linear_axis_has_metres_and_newtons() {
+    let Some(logs) = recordings("emps", "emps.toml") else {
+        return;
+    };
+    let axis = &logs[0].joints[0];
+    assert_eq!((logs.len(), axis.position.len()), (1, 24841));
+    let largest = |values: &[f64]| values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    assert!(largest(&axis.position.value) < 0.3 && (50.0..500.0).contains(&largest(&axis.effort.value)));
+}
+
+#[test]
+fn the_humanoid_has_a_recording_per_segment_in_radians() {
+    let Some(logs) = recordings("poppy", "poppy.toml") else {
+        return;
+    };
+    assert_eq!(logs.len(), 61);
+    assert!(logs.iter().all(|log| log.joints.len() == 25 && log.duration() < 3.0));
+    let knees = logs
+        .iter()
+        .flat_map(|log| &log.joint("l_knee_y").unwrap().position.value);
+    assert!((0.5..1.6).contains(&knees.fold(0.0_f64, |largest, value| largest.max(*value))));
+}
