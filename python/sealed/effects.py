@@ -1,0 +1,128 @@
+"""What can be wrong with a machine, and how a case is drawn.
+
+Names and parameters are those that reports use, so that a guess can be compared with the truth. The physics behind a
+name is in `actuator.py`, in another form than the one that is fitted where there is another form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+Range = tuple[float, float]
+
+INSIDE: dict[str, dict[str, Range]] = {
+    "command_delay": {"time": (0.012, 0.035)},
+    "command_rate_limit": {"speed": (0.25, 0.45)},
+    "command_dead_band": {"width": (0.02, 0.05)},
+    "command_gain": {"gain": (0.86, 0.94)},
+    "supply_voltage": {"ratio": (0.72, 0.88)},
+    "stribeck_friction": {"torque": (0.15, 0.3), "velocity": (0.1, 0.35)},
+    "load_dependent_friction": {"coefficient": (0.12, 0.3)},
+    "directional_friction": {"torque": (0.07, 0.15)},
+    "backlash": {"gap": (0.025, 0.06)},
+    "elasticity": {"compliance": (0.04, 0.1)},
+    "position_ripple": {"amplitude": (0.12, 0.25), "frequency": (0.6, 1.6), "phase": (0.0, 2 * np.pi)},
+    "payload": {"mass": (0.12, 0.3)},
+    "sensor_offset": {"offset": (0.03, 0.08)},
+    "sensor_delay": {"time": (0.012, 0.03)},
+    "external_force": {"torque": (0.1, 0.25)},
+}
+"""Effects a library has. Torques are shares of the machine's typical torque (gravity), speeds of the motion's fastest,
+compliance is a share of the motion per typical torque, a payload a share of the moved mass, other values absolute (SI);
+frequency is in cycles per rad."""
+
+OUTSIDE: dict[str, tuple[dict[str, Range], list[str]]] = {
+    "ripple_with_beat": (
+        {"amplitude": (0.12, 0.22), "frequency": (0.8, 1.4), "ratio": (1.15, 1.3), "phase": (0.0, 2 * np.pi)},
+        ["position"],
+    ),
+    "thermal_drift": ({"share": (1.5, 3.0), "time_constant": (4.0, 12.0)}, ["time", "temperature"]),
+    "cable_spring": ({"torque": (0.25, 0.5), "from": (-0.2, 0.2)}, ["position"]),
+    "loose_mass": ({"mass": (0.25, 0.4), "play": (0.02, 0.04)}, ["position", "acceleration", "time"]),
+    "battery_sag": ({"share": (0.35, 0.6)}, ["load", "torque", "voltage"]),
+}
+"""Effects no library has, and the variables that may be named as leading."""
+
+PAIRS = [
+    ("stribeck_friction", "backlash"),
+    ("command_delay", "stribeck_friction"),
+    ("load_dependent_friction", "command_delay"),
+    ("backlash", "sensor_offset"),
+    ("position_ripple", "command_delay"),
+    ("directional_friction", "elasticity"),
+    ("supply_voltage", "stribeck_friction"),
+    ("payload", "load_dependent_friction"),
+]
+
+SIGNED = {"directional_friction", "sensor_offset", "external_force"}
+
+
+@dataclass
+class Effect:
+    """One fault at one joint."""
+
+    name: str
+    joint: str
+    parameters: dict[str, float]
+
+    def get(self, key: str) -> float:
+        return self.parameters[key]
+
+
+@dataclass
+class Case:
+    """What is wrong in a sealed world."""
+
+    kind: str
+    """`none`, `single`, `pair` or `outside`."""
+    effects: list[Effect] = field(default_factory=list)
+    leading: list[str] = field(default_factory=list)
+    """For outside effects, the variables that may be named first."""
+
+
+KINDS = ["none", "single", "single", "outside", "none", "single", "pair", "outside"]
+"""Kinds of consecutive seeds: a quarter is none."""
+
+
+def draw_case(seed: int, rng: np.random.Generator, joints: list[str], scales: dict[str, dict[str, float]]) -> Case:
+    """Draws what is wrong. `scales` gives per joint what parameters are shares of."""
+    kind = KINDS[seed % len(KINDS)]
+    joint = joints[rng.integers(len(joints))]
+
+    def draw(name: str, ranges: dict[str, Range]) -> Effect:
+        values = {key: float(rng.uniform(*bounds)) * scales[joint].get(f"{name}.{key}", 1.0) for key, bounds in ranges.items()}
+        if name in SIGNED:
+            first = next(iter(values))
+            values[first] *= rng.choice([-1.0, 1.0])
+        return Effect(name, joint, values)
+
+    if kind == "single":
+        # Walks through the names so that a list of seeds covers them all.
+        names = list(INSIDE)
+        singles = sum(KINDS[earlier % len(KINDS)] == "single" for earlier in range(seed))
+        name = names[singles % len(names)]
+        return Case(kind, [draw(name, INSIDE[name])])
+    if kind == "pair":
+        pair = PAIRS[(seed // len(KINDS)) % len(PAIRS)]
+        return Case(kind, [draw(name, INSIDE[name]) for name in pair])
+    if kind == "outside":
+        names = list(OUTSIDE)
+        earlier = sum(KINDS[other % len(KINDS)] == "outside" for other in range(seed))
+        name = names[earlier % len(names)]
+        ranges, leading = OUTSIDE[name]
+        return Case(kind, [draw(name, ranges)], leading)
+    return Case(kind)
+
+
+def scales(torque: float, speed: float, motion: float) -> dict[str, float]:
+    """Typical torque (N m), speed (rad/s) and motion (rad) of a joint as what drawn shares are multiplied with."""
+    of_torque = [
+        *("stribeck_friction.torque", "directional_friction.torque", "position_ripple.amplitude"),
+        *("external_force.torque", "ripple_with_beat.amplitude", "cable_spring.torque"),
+    ]
+    return {key: torque for key in of_torque} | {
+        "command_rate_limit.speed": speed,
+        "elasticity.compliance": motion / torque,
+    }
