@@ -5,11 +5,9 @@ use omniwalk_controller::attitude::fused_from_up;
 use serde::{Deserialize, Serialize};
 
 use crate::config::NoiseConfig;
+use crate::engine::GRAVITY;
 use crate::random::Stream;
 use crate::truth::Truth;
-
-/// Gravity by which accelerometer noise becomes a tilt of the attitude estimate, m/s^2.
-const GRAVITY: f64 = 9.81;
 
 /// One reading of all sensors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

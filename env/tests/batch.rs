@@ -1,6 +1,5 @@
 //! A batch of environments as the trainer uses it, in both engines.
 
-#[allow(dead_code)]
 mod support;
 
 use omniwalk_env::Batch;
@@ -8,7 +7,7 @@ use omniwalk_env::config::EngineKind;
 use omniwalk_env::random::Stream;
 use omniwalk_env::task::command::CommandRange;
 use omniwalk_env::task::episode::End;
-use support::{ENGINES, config, robot};
+use support::{config, robot};
 
 /// Random actions around the middle, so that the robot stays up for a while and then falls.
 struct Player {
@@ -47,7 +46,7 @@ fn batch(engine: EngineKind, environments: usize) -> Batch {
 
 #[test]
 fn a_saved_batch_goes_on_with_the_same_bits() {
-    for engine in ENGINES {
+    for engine in EngineKind::ALL {
         let mut original = batch(engine, 5);
         let mut player = Player::new(1, &original);
         (0..50).for_each(|_| player.step(&mut original));
@@ -78,7 +77,7 @@ fn a_saved_batch_goes_on_with_the_same_bits() {
 
 #[test]
 fn what_an_environment_does_depends_on_no_other() {
-    for engine in ENGINES {
+    for engine in EngineKind::ALL {
         let (mut few, mut many) = (batch(engine, 3), batch(engine, 21));
         let (observations, actions) = (few.shared().spec.observation_len(), few.shared().spec.action_len());
         let mut player = Player::new(1, &many);
@@ -137,7 +136,7 @@ fn episodes_end_by_falling_or_at_their_full_length_and_say_so() {
 
 #[test]
 fn a_step_is_judged_by_the_command_its_action_was_chosen_for() {
-    for engine in ENGINES {
+    for engine in EngineKind::ALL {
         let mut config = config(engine);
         config.command.rate = [1e3; 3];
         config.command.resample_seconds = 0.2;

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use nalgebra::Vector3;
 use omniwalk_env::engine::lanes::{Lanes, Simd};
 use omniwalk_env::engine::rapier::Rapier;
-use omniwalk_env::engine::{Drive, Engine, Friction, Start, World};
+use omniwalk_env::engine::{Drive, Engine, Friction, GRAVITY, Start, World};
 use omniwalk_env::robot::{self, Base, Robot};
 
 fn nimbro() -> Robot {
@@ -20,28 +19,13 @@ fn on_a_stand() -> Robot {
     robot
 }
 
-fn start(robot: &Robot) -> Start {
-    Start {
-        position: robot.base_pose.translation.vector,
-        orientation: robot.base_pose.rotation,
-        linear_velocity: Vector3::zeros(),
-        angular_velocity: Vector3::zeros(),
-        joints: robot.nominal(),
-        joint_velocities: vec![0.0; robot.dofs.len()],
-    }
-}
-
 fn world(robot: &Robot) -> World {
-    World {
-        friction: Friction {
-            tangential: 0.7,
-            torsional: 0.01,
-            rolling: 0.005,
-        },
-        gravity: Vector3::new(0.0, 0.0, -9.81),
-        links: robot.links.iter().map(|link| link.inertial).collect(),
-        joints: robot.joints.iter().map(|joint| joint.passive).collect(),
-    }
+    let friction = Friction {
+        tangential: 0.7,
+        torsional: 0.01,
+        rolling: 0.005,
+    };
+    World::nominal(robot, friction)
 }
 
 /// Actuators track a chirp about the nominal pose.
@@ -66,7 +50,7 @@ fn trajectories(robot: &Robot, level: Simd, amplitude: f64, dt: f64, seconds: f6
     let mut rapier = Rapier::new(robot, dt, 1).expect("rapier takes the robot");
     let engines: [&mut dyn Engine; 2] = [&mut lanes, &mut rapier];
     engines.map(|engine| {
-        engine.reset(0, &start(robot), &world(robot));
+        engine.reset(0, &Start::nominal(robot), &world(robot));
         let mut samples = vec![];
         let every = (0.02 / dt).round() as usize;
         for step in 0..(seconds / dt).round() as usize {
@@ -118,13 +102,13 @@ fn standing_robot_carries_its_weight_as_in_rapier() {
     let mut rapier = Rapier::new(&robot, 0.002, 1).expect("rapier takes the robot");
     let engines: [&mut dyn Engine; 2] = [&mut lanes, &mut rapier];
     let [a, b] = engines.map(|engine| {
-        engine.reset(0, &start(&robot), &world(&robot));
+        engine.reset(0, &Start::nominal(&robot), &world(&robot));
         for _ in 0..2000 {
             engine.step(&chirp(&robot, 0.0, 0.0));
         }
         (engine.base(0), engine.foot_force(0, 0).z, engine.foot_force(0, 1).z)
     });
-    let weight = robot.mass() * 9.81;
+    let weight = robot.mass() * GRAVITY;
     assert!(
         (a.1 + a.2 - weight).abs() < 1e-3 * weight,
         "{} N of {weight} N",

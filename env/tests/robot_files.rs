@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Point3, Quaternion, Unit, UnitQuaternion, Vector3};
 use omniwalk_env::engine::rapier::Rapier;
-use omniwalk_env::engine::{Drive, Engine, Friction, Start, World};
+use omniwalk_env::engine::{Drive, Engine, Friction, GRAVITY, Start, World};
 use omniwalk_env::robot::{Kinematics, Robot, load};
 
 fn robots() -> PathBuf {
@@ -198,25 +198,12 @@ fn velocities_are_the_derivatives_of_poses() {
 /// the ground force at the end relative to the weight, and the joint speed (rad/s) at the end.
 fn stand(robot: &Robot, dt: f64, seconds: f64) -> (f64, f64, f64) {
     let mut engine = Rapier::new(robot, dt, 1).unwrap_or_else(|error| panic!("{error}"));
-    let start = Start {
-        position: robot.base_pose.translation.vector,
-        orientation: robot.base_pose.rotation,
-        linear_velocity: Vector3::zeros(),
-        angular_velocity: Vector3::zeros(),
-        joints: robot.nominal(),
-        joint_velocities: vec![0.0; robot.dofs.len()],
+    let friction = Friction {
+        tangential: 0.6,
+        torsional: 0.2,
+        rolling: 0.1,
     };
-    let world = World {
-        friction: Friction {
-            tangential: 0.6,
-            torsional: 0.2,
-            rolling: 0.1,
-        },
-        gravity: Vector3::new(0.0, 0.0, -9.81),
-        links: robot.links.iter().map(|link| link.inertial).collect(),
-        joints: robot.joints.iter().map(|joint| joint.passive).collect(),
-    };
-    engine.reset(0, &start, &world);
+    engine.reset(0, &Start::nominal(robot), &World::nominal(robot, friction));
     let mut drive = Drive::idle(robot.dofs.len(), 1);
     drive.target = robot.nominal();
     for d in 0..robot.dofs.len() {
@@ -240,7 +227,7 @@ fn stand(robot: &Robot, dt: f64, seconds: f64) -> (f64, f64, f64) {
         .velocity
         .iter()
         .fold(0.0_f64, |speed, v| speed.max(v.abs()));
-    (tilt, force / (robot.mass() * 9.81), speed)
+    (tilt, force / (robot.mass() * GRAVITY), speed)
 }
 
 #[test]

@@ -1,15 +1,15 @@
 //! NimbRo-OP2X under its position servos alone, in both engines: what `omniwalk inspect` shows of a robot.
 
-#[allow(dead_code)]
 mod support;
 
+use omniwalk_env::config::EngineKind;
 use omniwalk_env::probe::{Hold, mirror_difference, stand};
-use support::{ENGINES, config, robot};
+use support::{config, robot};
 
 #[test]
 fn nimbro_stands_for_ten_seconds_at_every_rate_and_presses_with_its_weight() {
     let robot = robot("nimbro_op2x");
-    for engine in ENGINES {
+    for engine in EngineKind::ALL {
         for rate in [200, 400, 1000] {
             let mut config = config(engine);
             config.engine.physics_hz = rate;
@@ -28,7 +28,7 @@ fn nimbro_stands_for_ten_seconds_at_every_rate_and_presses_with_its_weight() {
 #[test]
 fn a_zero_increment_yields() {
     let robot = robot("nimbro_op2x");
-    for engine in ENGINES {
+    for engine in EngineKind::ALL {
         let standing = stand(&robot, &config(engine), Hold::Measured, 10.0).unwrap();
         assert!(standing.fell_after.is_some_and(|after| after < 10.0), "{standing:?}");
     }
@@ -39,7 +39,7 @@ fn a_zero_increment_yields() {
 #[test]
 fn a_mirrored_start_gives_a_mirrored_motion() {
     let robot = robot("nimbro_op2x");
-    for engine in ENGINES {
+    for engine in EngineKind::ALL {
         for rate in [200, 400, 1000] {
             let mut config = config(engine);
             config.engine.physics_hz = rate;
@@ -57,6 +57,6 @@ fn a_wrong_sign_in_the_mirror_map_is_noticed() {
     let mut robot = (*robot("nimbro_op2x")).clone();
     let map = robot.mirror.as_mut().expect("a mirror map");
     map[1].sign *= -1.0;
-    let difference = mirror_difference(&robot.into(), &config(ENGINES[0]), 1.0).unwrap();
+    let difference = mirror_difference(&robot.into(), &config(EngineKind::ALL[0]), 1.0).unwrap();
     assert!(difference.is_some_and(|d| d > 0.02), "{difference:?}");
 }

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3 as Vector;
 use omniwalk_env::Batch;
+use omniwalk_env::engine::GRAVITY;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::reward::TERM_NAMES;
-use omniwalk_env::task::shared::GRAVITY;
 use serde_json::{Map, json};
 
 use omniwalk_sim2real::log::messages::{

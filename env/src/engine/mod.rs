@@ -37,6 +37,9 @@ pub enum EngineError {
     },
 }
 
+/// Standard gravity, m/s^2.
+pub const GRAVITY: f64 = 9.81;
+
 /// Friction between sole and ground (thesis 7.4).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Friction {
@@ -59,6 +62,18 @@ pub struct World {
     pub links: Vec<Inertial>,
     /// Passive dynamics of every joint, in the order of `Robot::joints`. `friction` here is not used: dry friction is in the [`Drive`].
     pub joints: Vec<Passive>,
+}
+
+impl World {
+    /// The robot's own masses and passive joints under gravity along -z, on a ground of the given friction.
+    pub fn nominal(robot: &Robot, friction: Friction) -> Self {
+        Self {
+            friction,
+            gravity: Vector3::new(0.0, 0.0, -GRAVITY),
+            links: robot.links.iter().map(|link| link.inertial).collect(),
+            joints: robot.joints.iter().map(|joint| joint.passive).collect(),
+        }
+    }
 }
 
 /// Where a world starts.

@@ -8,14 +8,11 @@ use omniwalk_controller::{ActionSpec, Block, ClockSpec, CommandSpec, Spec};
 use super::overlap::Overlap;
 use super::sole::SoleShape;
 use crate::config::EnvConfig;
-use crate::engine::{Friction, World};
+use crate::engine::{Friction, GRAVITY, World};
 use crate::error::EnvError;
 use crate::random::Stream;
 use crate::robot::Robot;
 use crate::truth::Truth;
-
-/// Standard gravity, m/s^2.
-pub const GRAVITY: f64 = 9.81;
 
 /// Shared, immutable context of a batch.
 pub struct Shared {
@@ -168,16 +165,12 @@ pub fn spec(robot: &Robot, config: &EnvConfig) -> Spec {
 
 fn nominal_world(robot: &Robot, config: &EnvConfig) -> World {
     let middle = |range: [f64; 2]| 0.5 * (range[0] + range[1]);
-    World {
-        friction: Friction {
-            tangential: middle(config.friction.tangential),
-            torsional: middle(config.friction.torsional),
-            rolling: middle(config.friction.rolling),
-        },
-        gravity: Vector3::new(0.0, 0.0, -GRAVITY),
-        links: robot.links.iter().map(|link| link.inertial).collect(),
-        joints: robot.joints.iter().map(|joint| joint.passive).collect(),
-    }
+    let friction = Friction {
+        tangential: middle(config.friction.tangential),
+        torsional: middle(config.friction.torsional),
+        rolling: middle(config.friction.rolling),
+    };
+    World::nominal(robot, friction)
 }
 
 fn policy_joints(robot: &Robot) -> Vec<PolicyJoint> {

@@ -11,7 +11,7 @@ const DT: f64 = 5e-3;
 /// A biped that falls over while its servos work, differently in each world.
 fn case(world: usize) -> (Start, World) {
     let robot = biped();
-    let (mut start, mut model) = (rest(&robot), nominal(&robot));
+    let (mut start, mut model) = (Start::nominal(&robot), nominal(&robot));
     let x = world as f64;
     start.linear_velocity = Vector3::new(0.4 + 0.1 * x, 0.1, 0.0);
     start.joints[1] = -0.1 * x;

@@ -20,7 +20,7 @@ fn standing_drive(robot: &Robot) -> Drive {
 fn weight_equals_contact_force_when_standing() {
     let robot = biped();
     for dt in [1e-3, 2.5e-3, 5e-3] {
-        let mut engine = single(&robot, dt, &rest(&robot), &nominal(&robot));
+        let mut engine = single(&robot, dt, &Start::nominal(&robot), &nominal(&robot));
         let drive = standing_drive(&robot);
         run(&mut engine, &drive, dt, 9.0);
         let (mut force, steps) = (Vector3::zeros(), (1.0 / dt) as usize);
@@ -50,11 +50,11 @@ fn sliding_box_stops_after_the_distance_of_coulomb() {
     for (mu, dt) in [(0.3, 1e-3), (0.8, 1e-3), (0.5, 5e-3)] {
         let mut model = nominal(&robot);
         model.friction.tangential = mu;
-        let mut engine = single(&robot, dt, &rest(&robot), &model);
+        let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
         let drive = Drive::idle(1, 1);
         run(&mut engine, &drive, dt, 0.5);
         let settled = engine.base(0).position;
-        let mut start = rest(&robot);
+        let mut start = Start::nominal(&robot);
         start.position.z = settled.z;
         start.linear_velocity = Vector3::new(1.2, -0.9, 0.0);
         engine.reset(0, &start, &model);
@@ -77,7 +77,7 @@ fn torsional_friction_stops_a_spinning_box_at_its_rate() {
     let mut model = nominal(&robot);
     model.friction.tangential = 0.0;
     model.friction.torsional = torsional;
-    let mut start = rest(&robot);
+    let mut start = Start::nominal(&robot);
     start.angular_velocity.z = speed;
     let mut engine = single(&robot, dt, &start, &model);
     let inertia = robot.links[0].inertial.inertia[(2, 2)];
@@ -103,7 +103,7 @@ fn torsional_friction_holds_a_torque_below_its_limit_and_no_more() {
             model.friction.tangential = 0.0;
             model.friction.torsional = torsional;
             model.links[1].inertia *= 1e9;
-            let mut engine = single(&robot, dt, &rest(&robot), &model);
+            let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
             let mut drive = Drive::idle(1, 1);
             run(&mut engine, &drive, dt, 0.5);
             drive.feed_forward[0] = -torque;
@@ -135,7 +135,7 @@ fn rolling_friction_slows_a_rolling_ball_at_its_rate() {
     let (dt, rolling, speed) = (1e-3, 0.01, 8.0);
     let mut model = nominal(&robot);
     model.friction.rolling = rolling;
-    let mut start = rest(&robot);
+    let mut start = Start::nominal(&robot);
     start.angular_velocity.y = speed;
     start.linear_velocity.x = speed * 0.1;
     let mut engine = single(&robot, dt, &start, &model);
@@ -155,7 +155,7 @@ fn push_at_the_base_moves_the_sled_only_beyond_friction() {
     let (dt, mu) = (2.5e-3, 0.5);
     let mut model = nominal(&robot);
     model.friction.tangential = mu;
-    let mut engine = single(&robot, dt, &rest(&robot), &model);
+    let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
     let hold = mu * robot.mass() * G;
     run(&mut engine, &Drive::idle(1, 1), dt, 0.5);
     engine.push(0, Vector3::new(0.9 * hold, 0.0, 0.0));
@@ -179,7 +179,7 @@ fn tilted_gravity_slides_a_box_down_the_slope() {
     let mut model = nominal(&robot);
     model.friction.tangential = mu;
     model.gravity = Vector3::new(G * angle.sin(), 0.0, -G * angle.cos());
-    let mut engine = single(&robot, dt, &rest(&robot), &model);
+    let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
     run(&mut engine, &Drive::idle(1, 1), dt, 0.5);
     let exact = G * (angle.sin() - mu * angle.cos()) * 0.5;
     assert!((engine.base(0).linear_velocity.x / exact - 1.0).abs() < 0.03);
@@ -211,7 +211,7 @@ fn mirrored(start: &Start) -> Start {
 fn mirrored_start_gives_a_mirrored_motion() {
     let robot = biped();
     let dt = 2.5e-3;
-    let mut start = rest(&robot);
+    let mut start = Start::nominal(&robot);
     start.linear_velocity = Vector3::new(0.1, 0.15, 0.0);
     start.orientation = UnitQuaternion::from_euler_angles(0.03, 0.02, 0.05);
     start.joints = vec![0.05, -0.1, 0.15, 0.02, -0.03, -0.05, 0.1, 0.01];

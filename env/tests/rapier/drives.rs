@@ -1,7 +1,7 @@
 //! Drives against the second-order system they are, with and without torque limits.
 
 use nalgebra::Vector3;
-use omniwalk_env::engine::Engine;
+use omniwalk_env::engine::{Engine, Start};
 
 use crate::robots::*;
 
@@ -10,7 +10,7 @@ fn step_response_error(stiffness: f64, damping: f64, dt: f64) -> f64 {
     let robot = pendulum();
     let mut model = nominal(&robot);
     model.gravity = Vector3::zeros();
-    let mut engine = single(&robot, dt, &rest(&robot), &model);
+    let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
     let mut drive = servo(&robot, 1, stiffness, damping);
     drive.target[0] = 0.5;
     let decay = damping / (2.0 * PENDULUM_INERTIA);
@@ -39,7 +39,7 @@ fn servo_step_response_converges_to_the_analytic_one_in_first_order() {
 fn stiff_servo_is_stable_at_every_rate() {
     for dt in [1e-3, 2e-3, 5e-3] {
         let robot = pendulum();
-        let mut engine = single(&robot, dt, &rest(&robot), &nominal(&robot));
+        let mut engine = single(&robot, dt, &Start::nominal(&robot), &nominal(&robot));
         let mut drive = servo(&robot, 1, 1e5, 10.0);
         drive.target[0] = 0.5;
         (0..(3.0 / dt) as usize).for_each(|_| engine.step(&drive));
@@ -67,7 +67,7 @@ fn saturated_servo_follows_the_clamped_implicit_step() {
     let robot = pendulum();
     for (gains, limit) in [((200.0, 4.0), 15.0), ((2000.0, 30.0), 12.0), ((2000.0, 1.0), 8.0)] {
         for dt in [5e-3, 1e-3] {
-            let mut engine = single(&robot, dt, &rest(&robot), &nominal(&robot));
+            let mut engine = single(&robot, dt, &Start::nominal(&robot), &nominal(&robot));
             let mut drive = servo(&robot, 1, gains.0, gains.1);
             drive.target[0] = 0.8;
             drive.torque_min[0] = -limit;
@@ -90,7 +90,7 @@ fn torque_stays_within_its_limits() {
     let mut model = nominal(&robot);
     model.gravity = Vector3::zeros();
     let dt = 5e-3;
-    let mut engine = single(&robot, dt, &rest(&robot), &model);
+    let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
     let mut drive = servo(&robot, 1, 500.0, 5.0);
     drive.target[0] = 3.0;
     drive.torque_min[0] = -2.0;
@@ -113,7 +113,7 @@ fn reported_torque_accounts_for_the_motion() {
     let mut model = nominal(&robot);
     model.gravity = Vector3::zeros();
     let dt = 1e-3;
-    let mut engine = single(&robot, dt, &rest(&robot), &model);
+    let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
     let mut drive = servo(&robot, 1, 50.0, 1.0);
     drive.target[0] = 0.7;
     let mut impulse = 0.0;

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Point3, Vector3};
 use omniwalk_env::engine::rapier::Rapier;
-use omniwalk_env::engine::{Drive, Engine};
+use omniwalk_env::engine::{Drive, Engine, Start};
 use omniwalk_env::robot::{JointKind, Robot};
 
 use crate::robots::*;
@@ -34,7 +34,7 @@ fn pendulum_swings_with_the_period_of_its_inertia_and_armature() {
         let (robot, dt) = (pendulum(), 1e-3);
         let mut model = nominal(&robot);
         model.joints[0].armature = armature;
-        let mut start = rest(&robot);
+        let mut start = Start::nominal(&robot);
         start.joints[0] = 0.02;
         let mut engine = single(&robot, dt, &start, &model);
         let drive = Drive::idle(1, 1);
@@ -56,7 +56,7 @@ fn slider_on_a_tilted_axis_accelerates_by_force_gravity_and_armature() {
     robot.joints[0].axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 2.0, -2.0));
     let mut model = nominal(&robot);
     model.joints[0].armature = 0.5;
-    let mut engine = single(&robot, dt, &rest(&robot), &model);
+    let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
     let mut drive = servo(&robot, 1, 0.0, 0.0);
     drive.feed_forward[0] = 7.0;
     (0..100).for_each(|_| engine.step(&drive));
@@ -74,7 +74,7 @@ fn viscous_friction_slows_a_wheel_exponentially() {
     let mut model = nominal(&robot);
     model.gravity = Vector3::zeros();
     model.joints[0].damping = 0.4;
-    let mut start = rest(&robot);
+    let mut start = Start::nominal(&robot);
     start.joint_velocities[0] = 3.0;
     let mut engine = single(&robot, dt, &start, &model);
     (0..500).for_each(|_| engine.step(&Drive::idle(1, 1)));
@@ -91,7 +91,7 @@ fn coupling_holds_and_adds_the_followers_inertia() {
             let mut model = nominal(&robot);
             model.gravity = Vector3::zeros();
             model.joints[0].armature = armature;
-            let mut start = rest(&robot);
+            let mut start = Start::nominal(&robot);
             start.joints[0] = 0.2;
             let mut engine = single(&robot, dt, &start, &model);
             let drive = servo(&robot, 1, stiffness, 0.0);
@@ -115,7 +115,7 @@ fn joint_limits_hold_against_torque() {
     for dt in [1e-3, 5e-3] {
         let mut robot = pendulum();
         robot.joints[0].limits = (-0.4, 0.5);
-        let mut engine = single(&robot, dt, &rest(&robot), &nominal(&robot));
+        let mut engine = single(&robot, dt, &Start::nominal(&robot), &nominal(&robot));
         let mut drive = servo(&robot, 1, 0.0, 0.0);
         drive.feed_forward[0] = 20.0;
         let (mut highest, mut fastest) = (0.0f64, 0.0f64);
@@ -136,7 +136,7 @@ fn dry_friction_holds_a_joint_and_slows_it_when_it_slips() {
         let robot = pendulum();
         let mut model = nominal(&robot);
         model.gravity = Vector3::zeros();
-        let mut engine = single(&robot, dt, &rest(&robot), &model);
+        let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
         let mut drive = servo(&robot, 1, 0.0, 0.0);
         drive.friction[0] = 4.0;
         drive.feed_forward[0] = 3.0;
@@ -183,7 +183,7 @@ fn momentum_is_kept_in_free_flight() {
     let robot = biped();
     let mut model = nominal(&robot);
     model.gravity = Vector3::zeros();
-    let mut start = rest(&robot);
+    let mut start = Start::nominal(&robot);
     start.position.z = 5.0;
     start.linear_velocity = Vector3::new(0.3, -0.2, 0.1);
     start.angular_velocity = Vector3::new(0.5, 1.0, -0.7);

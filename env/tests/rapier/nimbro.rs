@@ -31,7 +31,7 @@ fn nimbro_stands_for_ten_seconds_and_presses_with_its_weight() {
     let drive = nominal_targets(&robot);
     for rate in [200, 400, 1000] {
         let dt = 1.0 / f64::from(rate);
-        let mut engine = single(&robot, dt, &rest(&robot), &nominal(&robot));
+        let mut engine = single(&robot, dt, &Start::nominal(&robot), &nominal(&robot));
         let mut force = Vector3::zeros();
         for step in 0..10 * rate {
             engine.step(&drive);
@@ -80,7 +80,7 @@ fn nimbro_mirrored_moves_mirrored() {
     let robot = nimbro();
     let drive = nominal_targets(&robot);
     let dt = 2.5e-3;
-    let mut start = rest(&robot);
+    let mut start = Start::nominal(&robot);
     start.position.z += 0.005;
     start.linear_velocity = Vector3::new(0.05, 0.1, 0.0);
     start.orientation = UnitQuaternion::from_euler_angles(0.02, 0.01, 0.03);

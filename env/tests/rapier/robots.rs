@@ -1,11 +1,10 @@
 //! Small robots made in code, and what it takes to run them.
 
 use nalgebra::{Isometry3, Matrix3, Unit, UnitQuaternion, Vector3};
+pub use omniwalk_env::engine::GRAVITY as G;
 use omniwalk_env::engine::rapier::Rapier;
 use omniwalk_env::engine::{Drive, Engine, Friction, Start, World};
 use omniwalk_env::robot::{Base, Foot, Geometry, Inertial, Joint, JointKind, Link, Mimic, Passive, Robot, Shape};
-
-pub const G: f64 = 9.81;
 
 pub fn link(name: &str, parent: Option<usize>, mass: f64, com: Vector3<f64>, inertia: Vector3<f64>) -> Link {
     Link {
@@ -213,28 +212,12 @@ fn add_leg(links: &mut Vec<Link>, joints: &mut Vec<Joint>, side: f64) {
 
 /// The robot's own masses and passive joints under standard gravity.
 pub fn nominal(robot: &Robot) -> World {
-    World {
-        friction: Friction {
-            tangential: 0.8,
-            torsional: 0.0,
-            rolling: 0.0,
-        },
-        gravity: Vector3::new(0.0, 0.0, -G),
-        links: robot.links.iter().map(|link| link.inertial).collect(),
-        joints: robot.joints.iter().map(|joint| joint.passive).collect(),
-    }
-}
-
-/// At rest in the nominal pose.
-pub fn rest(robot: &Robot) -> Start {
-    Start {
-        position: robot.base_pose.translation.vector,
-        orientation: robot.base_pose.rotation,
-        linear_velocity: Vector3::zeros(),
-        angular_velocity: Vector3::zeros(),
-        joints: robot.nominal(),
-        joint_velocities: vec![0.0; robot.dofs.len()],
-    }
+    let friction = Friction {
+        tangential: 0.8,
+        torsional: 0.0,
+        rolling: 0.0,
+    };
+    World::nominal(robot, friction)
 }
 
 /// One world at `start`.

@@ -7,9 +7,6 @@ use omniwalk_env::EnvConfig;
 use omniwalk_env::config::EngineKind;
 use omniwalk_env::robot::{self, Robot};
 
-/// Both engines.
-pub const ENGINES: [EngineKind; 2] = [EngineKind::Rapier, EngineKind::Lanes];
-
 /// A robot of the project.
 pub fn robot(name: &str) -> Arc<Robot> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots").join(name);

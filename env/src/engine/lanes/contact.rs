@@ -1,25 +1,17 @@
-//! Contact points against the ground: regularised normal impulses and an elliptic cone of friction.
+//! Contact points against the ground: regularised normal impulses; `friction` has the rest.
 //!
-//! **Normal.** A point at gap `phi < 0` is pushed by a spring and a damper, `F = -k phi' - d v'`, with gap and
+//! A point at gap `phi < 0` is pushed by a spring and a damper, `F = -k phi' - d v'`, with gap and
 //! velocity at the end of the step; as a row, `v' + F dt / (dt (dt k + d)) = -phi k / (dt k + d)`, where the
 //! push-out speed on the right is bounded. A point within reach above the ground may not move by more than its gap in a
 //! step. k and d are [`STIFFNESS`] and [`DAMPING`] of one point: a 17 kg robot on eight points sinks in by 0.2 mm.
-//!
-//! **Friction.** The impulses along the tangents `f`, about the tangents `m` (rolling) and about the normal `t`
-//! (torsion) obey `(f / mu_t)^2 + (m / mu_r)^2 + (t / mu_z)^2 <= n^2` with the normal impulse n; mu_r and mu_z are lengths. A foot's
-//! total is the sum over its points. Divided by their coefficients the five components x lie in a ball of radius n. With
-//! the block B of inverse inertias and the slip s at the old x, a point that slips along `-x` obeys `s = -lambda x` for a
-//! multiplier `lambda > 0` and `|x| = n`, one that sticks `s = 0`. A visit takes `lambda = max(0, -s . x / n^2)` and then a
-//! Newton step with it, `x - (B + lambda)^-1 (s + lambda x)`, shortened to the ball: sticking and slipping points of
-//! maximum dissipation are its fixed points, and unlike a step along the gradient it does not care that sliding and
-//! turning answer on different scales. [`SLIP_DAMPING`] and [`TURN_DAMPING`] make the split between points unique: a
-//! loaded point creeps with `F / SLIP_DAMPING`.
 
 use super::factor::half_solve_path;
+use super::friction::{Cone, rub};
 use super::group::{ContactImpulse, Group};
 use super::lane::Lane;
 use super::model::{ContactBody, Model, ROOT};
-use super::spatial::{Force, Motion, Sym3, Vec3};
+use super::spatial::{Force, Motion};
+use super::vector::Vec3;
 use super::work::{BodyWork, LinkWork, PointWork, Work};
 
 /// Normal stiffness of a contact point, N/m.
@@ -30,15 +22,6 @@ const DAMPING: f64 = 1e3;
 const PUSH_OUT: f64 = 1.0;
 /// Points farther above the ground than this do not take part, m: a point that falls at 10 m/s meets the ground in time at 200 Hz.
 const REACH: f64 = 0.05;
-/// Force per slip speed of a sticking point, N s/m.
-const SLIP_DAMPING: f64 = 2e6;
-/// Moment per turning speed of a sticking point, N m s/rad.
-const TURN_DAMPING: f64 = 2e3;
-/// Added to the inverse inertia of every frictional component, so that one without friction has an inverse.
-const LEAST_RESPONSE: f64 = 1e-9;
-/// Largest multiplier of a slipping point, 1/kg: far beyond every inverse inertia, and its cube is still a single-precision number.
-const LARGEST_MULTIPLIER: f64 = 1e6;
-
 /// Height of a point above the ground. The ground is the plane z = 0: its normal is the z axis everywhere, and the tangents
 /// are x and y.
 #[inline(always)]
@@ -81,7 +64,7 @@ pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<
         );
         target.response = gram(&target.columns);
         let cone = Cone::new(&group.parameters.friction, model.dt);
-        target.turning = turning_block(&target.response, &cone);
+        target.turning = cone.turning_block(&target.response);
         let mut wrench = Force::zero();
         for (point, impulse) in target.points.iter_mut().zip(impulses) {
             point_response(&target.response, point, &cone, model.dt);
@@ -173,28 +156,6 @@ fn gram<L: Lane>(columns: &[[L; 6]]) -> [[L; 6]; 6] {
     whole
 }
 
-/// The cone's axes, for the five frictional components.
-struct Cone<L> {
-    /// Coefficients.
-    scale: [L; 5],
-    /// Slip speed per unit of impulse in coordinates divided by the coefficients.
-    creep: [L; 5],
-}
-
-impl<L: Lane> Cone<L> {
-    #[inline(always)]
-    fn new(friction: &[L; 3], dt: f64) -> Self {
-        let [tangential, torsional, rolling] = *friction;
-        let scale = [tangential, tangential, rolling, rolling, torsional];
-        let slip = L::of(1.0 / (dt * SLIP_DAMPING));
-        let turn = L::of(1.0 / (dt * TURN_DAMPING));
-        Self {
-            scale,
-            creep: scaled(&scaled(&scale, &scale), &[slip, slip, turn, turn, turn]),
-        }
-    }
-}
-
 /// Twist at the point from the twist at the reference point: linear, then angular.
 #[inline(always)]
 fn at_point<L: Lane>(twist: &[L; 6], arm: Vec3<L>) -> [L; 6] {
@@ -205,22 +166,6 @@ fn at_point<L: Lane>(twist: &[L; 6], arm: Vec3<L>) -> [L; 6] {
     }
     .at(arm)
     .array()
-}
-
-/// Turning velocity per unit of moment in scaled coordinates: the same at every point of a body.
-#[inline(always)]
-fn turning_block<L: Lane>(response: &[[L; 6]; 6], cone: &Cone<L>) -> Sym3<L> {
-    let [_, _, a, b, c] = cone.scale;
-    let [_, _, creep_a, creep_b, creep_c] = cone.creep;
-    let least = L::of(LEAST_RESPONSE);
-    Sym3 {
-        xx: (a * a).mul_add(response[3][3], creep_a + least),
-        xy: a * b * response[4][3],
-        xz: a * c * response[5][3],
-        yy: (b * b).mul_add(response[4][4], creep_b + least),
-        yz: b * c * response[5][4],
-        zz: (c * c).mul_add(response[5][5], creep_c + least),
-    }
 }
 
 /// The point's inverse inertias: its normal row, and in scaled coordinates how sliding answers to sliding and turning.
@@ -244,25 +189,7 @@ fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, con
         at_point(&rows[2], arm),
     ];
     point.normal_step = (normal[2] + L::of(softness(dt))).recip();
-    point.coupling = scaled(&frictional(&normal), &cone.scale);
-
-    let [mu, _, a, b, c] = cone.scale;
-    let square_mu = mu * mu;
-    let diagonal = cone.creep[0] + L::of(LEAST_RESPONSE);
-    point.sliding = [
-        square_mu.mul_add(along_x[0], diagonal),
-        square_mu * along_y[0],
-        square_mu.mul_add(along_y[1], diagonal),
-    ];
-    let mixed = |row: &[L; 6]| Vec3::new(mu * a * row[3], mu * b * row[4], mu * c * row[5]);
-    point.mixed = [mixed(&along_x), mixed(&along_y)];
-}
-
-/// The twist's components that friction opposes: along x and y, about x, y and z.
-#[inline(always)]
-fn frictional<L: Lane>(twist: &[L; 6]) -> [L; 5] {
-    let [x, y, _, a, b, c] = *twist;
-    [x, y, a, b, c]
+    cone.couple(point, &[along_x, along_y, normal]);
 }
 
 /// Approach speed of the normal row per unit of impulse.
@@ -274,17 +201,12 @@ fn softness(dt: f64) -> f64 {
 /// The wrench of a point's impulse about the body's reference point.
 #[inline(always)]
 fn point_wrench<L: Lane>(point: &PointWork<L>, impulse: &ContactImpulse<L>, cone: &Cone<L>) -> Force<L> {
-    let [x, y, a, b, c] = scaled(&impulse.friction, &cone.scale);
+    let [x, y, a, b, c] = cone.components(&impulse.friction);
     let force = Vec3::new(x, y, impulse.normal);
     Force {
         force,
         moment: Vec3::new(a, b, c).plus_cross(point.arm, force),
     }
-}
-
-#[inline(always)]
-fn scaled<L: Lane>(a: &[L; 5], s: &[L; 5]) -> [L; 5] {
-    [a[0] * s[0], a[1] * s[1], a[2] * s[2], a[3] * s[3], a[4] * s[4]]
 }
 
 /// `u = u + Y wrench`
@@ -347,81 +269,6 @@ fn push<L: Lane>(point: &PointWork<L>, impulse: &mut ContactImpulse<L>, velocity
         .neg_mul_add(approach, old)
         .clamp(L::zero(), point.normal_max);
     impulse.normal - old
-}
-
-/// Projects the frictional impulses onto the cone, `normal` after the normal one has changed; returns their change.
-#[inline(always)]
-fn rub<L: Lane>(
-    point: &PointWork<L>,
-    turning: &Sym3<L>,
-    impulse: &mut ContactImpulse<L>,
-    velocity: &[L; 6],
-    normal: L,
-    cone: &Cone<L>,
-) -> [L; 5] {
-    let old = impulse.friction;
-    let mut slip = scaled(&frictional(velocity), &cone.scale);
-    for r in 0..5 {
-        slip[r] = point.coupling[r].mul_add(normal, cone.creep[r].mul_add(old[r], slip[r]));
-    }
-    let radius = impulse.normal;
-    let multiplier = (-product(&slip, &old) / (radius * radius).max(L::of(1e-20)))
-        .max(L::zero())
-        .min(L::of(LARGEST_MULTIPLIER));
-    for r in 0..5 {
-        slip[r] = multiplier.mul_add(old[r], slip[r]);
-    }
-    let step = newton(point, turning, multiplier, &slip);
-    let mut next = old;
-    for r in 0..5 {
-        next[r] = old[r] - step[r];
-    }
-    let shrink = (radius / product(&next, &next).max(L::of(1e-30)).sqrt()).min(L::of(1.0));
-    let mut change = old;
-    for r in 0..5 {
-        // The sum turns a negative zero positive: a point out of reach leaves the same bits as a skipped one.
-        let next = next[r] * shrink + L::zero();
-        impulse.friction[r] = next;
-        change[r] = next - old[r];
-    }
-    change
-}
-
-/// `(B + multiplier)^-1 slip`
-///
-/// With the block `[T C; C^T W]` of sliding and turning, D = C W^-1 and S = T - D C^T, the solution for (t, w) is
-/// `x = S^-1 (t - D w)` and `W^-1 w - D^T x`.
-#[inline(always)]
-fn newton<L: Lane>(point: &PointWork<L>, turning: &Sym3<L>, multiplier: L, slip: &[L; 5]) -> [L; 5] {
-    let turning_inverse = Sym3 {
-        xx: turning.xx + multiplier,
-        yy: turning.yy + multiplier,
-        zz: turning.zz + multiplier,
-        ..*turning
-    }
-    .inverse();
-    let [mixed_x, mixed_y] = point.mixed;
-    let (lever_x, lever_y) = (turning_inverse.apply(mixed_x), turning_inverse.apply(mixed_y));
-    let [xx, xy, yy] = point.sliding;
-    let least = L::of(LEAST_RESPONSE);
-    let xx = (xx + multiplier - lever_x.dot(mixed_x)).max(least);
-    let xy = xy - lever_x.dot(mixed_y);
-    let yy = (yy + multiplier - lever_y.dot(mixed_y)).max(least);
-    let inverse = xy.neg_mul_add(xy, xx * yy).max(least * least).recip();
-
-    let [x, y, a, b, c] = *slip;
-    let turn = Vec3::new(a, b, c);
-    let (x, y) = (x - lever_x.dot(turn), y - lever_y.dot(turn));
-    let (x, y) = (xy.neg_mul_add(y, yy * x) * inverse, xy.neg_mul_add(x, xx * y) * inverse);
-    let turn = turning_inverse.apply(turn);
-    let turn = turn.minus(lever_x.times(x).plus_scaled(lever_y, y));
-    [x, y, turn.x, turn.y, turn.z]
-}
-
-#[inline(always)]
-fn product<L: Lane>(a: &[L; 5], b: &[L; 5]) -> L {
-    let tangential = a[0].mul_add(b[0], a[1] * b[1]);
-    tangential + a[2].mul_add(b[2], a[3].mul_add(b[3], a[4] * b[4]))
 }
 
 /// Ground force on every body, averaged over the step.

@@ -4,7 +4,8 @@
 use super::group::{Group, LinkInertia, Parameters};
 use super::lane::Lane;
 use super::model::Model;
-use super::spatial::{Inertia, Motion, Vec3};
+use super::spatial::{Inertia, Motion};
+use super::vector::Vec3;
 use super::work::{LinkWork, Work};
 
 /// Fills `work.bias` with the generalised force that holds all accelerations at zero: gravity and velocity products.

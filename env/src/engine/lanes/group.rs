@@ -2,7 +2,8 @@
 
 use super::lane::{Lane, MAX_WIDTH};
 use super::model::Model;
-use super::spatial::{Motion, Quaternion, Sym3, Vec3};
+use super::spatial::Motion;
+use super::vector::{Quaternion, Sym3, Vec3};
 
 /// Coordinates, velocities and the impulses that warm-start the next step.
 pub struct State<L: Lane> {

@@ -3,7 +3,9 @@
 use super::group::State;
 use super::lane::Lane;
 use super::model::{JointModel, Model};
-use super::spatial::{Mat3, Motion, Vec3, sin_cos};
+use super::series::sin_cos;
+use super::spatial::Motion;
+use super::vector::{Mat3, Vec3};
 use super::work::{LinkWork, Work};
 use crate::robot::JointKind;
 

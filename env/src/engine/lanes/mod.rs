@@ -9,28 +9,31 @@
 //! A step is: poses and bias forces (recursive Newton-Euler), mass matrix (composite rigid bodies), implicit drives
 //! on the diagonal, sparse factorisation, Gauss-Seidel sweeps over contacts, drive clamps, dry friction and limits in
 //! coordinates where all inertias are one, semi-implicit Euler. The modules explain their part: `model` (tree,
-//! couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`.
+//! couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`.
 
 mod contact;
 mod dynamics;
 mod engine;
 mod factor;
+mod friction;
 mod group;
 mod joint;
 mod kinematics;
 mod lane;
 mod model;
 mod pair;
+mod reset;
+mod series;
 mod spatial;
 mod step;
 #[cfg(test)]
 mod tests;
+mod vector;
 mod work;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 use nalgebra::{IsometryMatrix3, Vector3};
-use serde::{Deserialize, Serialize};
 
 use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
 use crate::robot::Robot;
@@ -38,8 +41,7 @@ use engine::Batch;
 
 /// The lane type: how many robots share a register, in which scalar; two registers are a group. Results depend on it, so
 /// a run records it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Simd {
     /// Sixteen robots in `f32`; AVX-512.
     F32x16,
@@ -98,7 +100,7 @@ impl Simd {
     }
 
     /// The name in configurations and reports.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::F32x16 => "f32x16",
             Self::F32x8 => "f32x8",

@@ -8,7 +8,7 @@ use super::joint;
 use super::kinematics;
 use super::lane::{Lane, MAX_WIDTH};
 use super::model::Model;
-use super::spatial::Vec3;
+use super::vector::Vec3;
 use super::work::{Timer, Work};
 
 /// No robot moves this fast, m/s or rad/s: a world that does is broken.

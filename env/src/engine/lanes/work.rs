@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use super::lane::Lane;
 use super::model::Model;
-use super::spatial::{Force, Inertia, Mat3, Motion, Sym3, Vec3};
+use super::spatial::{Force, Inertia, Motion};
+use super::vector::{Mat3, Sym3, Vec3};
 
 /// A link's pose (position relative to the base link's origin) and motion.
 #[derive(Clone, Copy)]

@@ -24,7 +24,7 @@ fn weight_equals_contact_force_and_nothing_creeps_when_standing() {
     let drive = hold(&robot);
     for level in levels() {
         for dt in [0.005, 0.001] {
-            let mut engine = single(&robot, dt, level, &start(&robot), &world(&robot));
+            let mut engine = single(&robot, dt, level, &Start::nominal(&robot), &world(&robot));
             let steps = (60.0 / dt) as usize;
             let mut settled = None;
             for step in 0..steps {
@@ -58,7 +58,7 @@ fn block_stops_after_the_distance_that_friction_gives() {
     let expected = speed * speed / (2.0 * mu * GRAVITY);
     for level in levels() {
         for dt in [0.004, 0.002, 0.001] {
-            let mut begin = start(&robot);
+            let mut begin = Start::nominal(&robot);
             let heading = Vector3::new(0.8, 0.6, 0.0);
             begin.linear_velocity = heading * speed;
             let world = World {
@@ -91,7 +91,7 @@ fn spinning_block_stops_after_the_angle_that_torsional_friction_gives() {
     let expected = 0.5 * inertia * rate * rate / (mu * mass * GRAVITY);
     for level in levels() {
         for dt in [0.004, 0.002, 0.001] {
-            let mut begin = start(&robot);
+            let mut begin = Start::nominal(&robot);
             begin.angular_velocity = Vector3::z() * rate;
             let world = World {
                 friction: friction(0.0, mu, 0.0),
@@ -124,7 +124,7 @@ fn tipping(level: Simd, dt: f64, rolling: f64, offset: f64, seconds: f64) -> f64
     let begin = Start {
         position: -edge,
         orientation,
-        ..start(&robot)
+        ..Start::nominal(&robot)
     };
     let world = World {
         friction: friction(0.8, 0.0, rolling),
@@ -167,7 +167,7 @@ fn dropped_block_comes_to_rest_on_the_ground() {
     let robot = robots::block(3.0, [0.3, 0.2, 0.1]);
     for level in levels() {
         for dt in [0.005, 0.001] {
-            let mut begin = start(&robot);
+            let mut begin = Start::nominal(&robot);
             begin.position.z += 0.5;
             let mut engine = single(&robot, dt, level, &begin, &world(&robot));
             for _ in 0..(2.0 / dt) as usize {
@@ -191,7 +191,7 @@ fn dropped_block_comes_to_rest_on_the_ground() {
 fn sweep_errors(dt: f64, sweeps: &[usize]) -> Vec<Vec<f64>> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/nimbro_op2x");
     let robot = crate::robot::load(std::path::Path::new(path)).expect("the robot loads");
-    let begin = start(&robot);
+    let begin = Start::nominal(&robot);
     let own = World {
         friction: friction(0.6, 0.02, 0.02),
         ..world(&robot)

@@ -5,7 +5,7 @@ use super::*;
 
 /// A pendulum's engine with its joint at `angle`.
 fn swinging(robot: &Robot, dt: f64, level: Simd, angle: f64) -> Lanes {
-    let mut begin = start(robot);
+    let mut begin = Start::nominal(robot);
     begin.joints[0] = angle;
     single(robot, dt, level, &begin, &world(robot))
 }
@@ -58,7 +58,7 @@ fn step_response_approaches_the_analytic_one_in_proportion_to_the_step() {
                 gravity: Vector3::zeros(),
                 ..world(&robot)
             };
-            let mut engine = single(&robot, dt, level, &start(&robot), &weightless);
+            let mut engine = single(&robot, dt, level, &Start::nominal(&robot), &weightless);
             let mut drive = Drive::idle(1, 1);
             (drive.target[0], drive.stiffness[0], drive.damping[0]) = (0.1, k, d);
             (drive.torque_min[0], drive.torque_max[0]) = (-1e3, 1e3);
@@ -88,7 +88,7 @@ fn law(drive: &Drive, q: f64, v: f64) -> f64 {
 fn torque_obeys_the_clamped_law_at_the_end_of_every_step() {
     let robot = robots::slider();
     for level in levels() {
-        let mut engine = single(&robot, 0.005, level, &start(&robot), &world(&robot));
+        let mut engine = single(&robot, 0.005, level, &Start::nominal(&robot), &world(&robot));
         let mut drive = Drive::idle(1, 1);
         (drive.stiffness[0], drive.damping[0], drive.feed_forward[0]) = (2000.0, 120.0, 5.0);
         (drive.torque_min[0], drive.torque_max[0]) = (-40.0, 60.0);
@@ -124,7 +124,7 @@ fn joint_rests_on_its_limit() {
     let mut tilted = world(&robot);
     tilted.gravity = Vector3::new(9.0, 0.0, 0.0);
     for level in levels() {
-        let mut engine = single(&robot, 0.005, level, &start(&robot), &tilted);
+        let mut engine = single(&robot, 0.005, level, &Start::nominal(&robot), &tilted);
         for step in 0..2000 {
             engine.step(&Drive::idle(2, 1));
             for (q, (lower, upper)) in engine.joints().position.iter().zip([(-0.3, 0.4), (-0.5, 0.2)]) {
@@ -158,7 +158,7 @@ fn dry_friction_holds_up_to_its_bound_and_slides_beyond() {
     let weight = 2.0 * GRAVITY;
     for level in levels() {
         for (share, seconds) in [(1.05, 2.0), (0.8, 0.5)] {
-            let mut engine = single(&robot, 0.002, level, &start(&robot), &world(&robot));
+            let mut engine = single(&robot, 0.002, level, &Start::nominal(&robot), &world(&robot));
             let mut drive = Drive::idle(1, 1);
             drive.friction[0] = share * weight;
             for _ in 0..(seconds / 0.002) as usize {

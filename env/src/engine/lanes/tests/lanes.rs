@@ -5,7 +5,7 @@ use super::*;
 
 /// A world's own start, parameters and drive, different for every `seed`.
 fn variant(robot: &Robot, seed: usize) -> (Start, World) {
-    let mut begin = start(robot);
+    let mut begin = Start::nominal(robot);
     let mut own = world(robot);
     let share = seed as f64 / 40.0;
     begin.position.z += 0.02 * share;

@@ -6,35 +6,17 @@ mod reference;
 mod robots;
 
 use super::{Lanes, Simd};
-use crate::engine::{Drive, Engine, Friction, Start, World};
+use crate::engine::{Drive, Engine, Friction, GRAVITY, Start, World};
 use crate::robot::Robot;
 use nalgebra::Vector3;
 
-/// Earth's gravity, m/s^2.
-const GRAVITY: f64 = 9.81;
-
 fn world(robot: &Robot) -> World {
-    World {
-        friction: Friction {
-            tangential: 0.6,
-            torsional: 0.0,
-            rolling: 0.0,
-        },
-        gravity: Vector3::new(0.0, 0.0, -GRAVITY),
-        links: robot.links.iter().map(|link| link.inertial).collect(),
-        joints: robot.joints.iter().map(|joint| joint.passive).collect(),
-    }
-}
-
-fn start(robot: &Robot) -> Start {
-    Start {
-        position: robot.base_pose.translation.vector,
-        orientation: robot.base_pose.rotation,
-        linear_velocity: Vector3::zeros(),
-        angular_velocity: Vector3::zeros(),
-        joints: robot.nominal(),
-        joint_velocities: vec![0.0; robot.dofs.len()],
-    }
+    let friction = Friction {
+        tangential: 0.6,
+        torsional: 0.0,
+        rolling: 0.0,
+    };
+    World::nominal(robot, friction)
 }
 
 /// Every actuator at its nominal target in one world.

@@ -1,0 +1,174 @@
+//! A group: one engine object with its worlds and the environments around them.
+
+use omniwalk_controller::{ROW, RowObserver};
+use serde::{Deserialize, Serialize};
+
+use crate::actuators::Actuators;
+use crate::engine::{self, Engine};
+use crate::error::EnvError;
+use crate::task::environment::{Environment, Scratch};
+use crate::task::episode::{End, Episode, Outcome};
+use crate::task::poses::Poses;
+use crate::task::reward::{Factors, Terms};
+use crate::task::shared::Shared;
+use crate::truth::Truth;
+
+/// The environments around one engine object.
+pub struct Group {
+    pub engine: Box<dyn Engine>,
+    actuators: Actuators,
+    pub environments: Vec<Environment>,
+    pub episodes: Vec<Episode>,
+    scratch: Scratch,
+    poses: Poses,
+    /// The bases at the end of the step; `None` where the physics has gone non-finite.
+    truths: Vec<Option<Truth>>,
+    observer: RowObserver,
+}
+
+/// A group's rows of the batch's arrays.
+pub struct Rows<'a> {
+    pub observations: &'a mut [f32],
+    pub final_observations: &'a mut [f32],
+    pub terms: &'a mut [Terms],
+    pub ends: &'a mut [Option<End>],
+}
+
+/// Everything that determines the future of a group.
+#[derive(Serialize, Deserialize)]
+pub struct SavedGroup {
+    environments: Vec<Environment>,
+    targets: Vec<f64>,
+    observations: Vec<f32>,
+    worlds: Vec<Vec<u8>>,
+}
+
+impl Group {
+    pub fn new(shared: &Shared, first: usize, worlds: usize) -> Result<Self, EnvError> {
+        Ok(Self {
+            engine: engine::build(&shared.robot, &shared.config, worlds)?,
+            actuators: Actuators::new(&shared.robot, worlds),
+            environments: (0..worlds)
+                .map(|w| Environment::new(shared, first + w))
+                .collect::<Result<_, _>>()?,
+            episodes: Vec::with_capacity(worlds),
+            scratch: Scratch::new(shared),
+            poses: Poses::new(&shared.robot, worlds),
+            truths: vec![None; worlds],
+            observer: RowObserver::new(&shared.spec),
+        })
+    }
+
+    pub fn reset(&mut self, shared: &Shared, observations: &mut [f32]) {
+        let rows = observations.chunks_exact_mut(shared.spec.observation_len());
+        for (w, (environment, row)) in self.environments.iter_mut().zip(rows).enumerate() {
+            environment.reset(
+                shared,
+                &mut *self.engine,
+                &mut self.actuators,
+                w,
+                &mut self.scratch,
+                row,
+            );
+        }
+    }
+
+    pub fn step(&mut self, shared: &Shared, factors: Factors, actions: &[f32], mut rows: Rows) {
+        let Self {
+            engine,
+            actuators,
+            environments,
+            ..
+        } = self;
+        let engine = &mut **engine;
+        let actions = actions.chunks_exact(shared.spec.action_len());
+        for (w, (environment, action)) in environments.iter_mut().zip(actions).enumerate() {
+            environment.act(shared, engine, actuators, w, action);
+        }
+        let (dt, worlds) = (shared.config.physics_dt(), environments.len());
+        for _ in 0..shared.config.substeps() {
+            engine.step(actuators.drive(engine.joints()));
+            let loads = engine.foot_loads();
+            for (w, environment) in environments.iter_mut().enumerate() {
+                environment.forces(&loads[w..], worlds, dt);
+            }
+        }
+        self.observe(shared, rows.observations);
+        self.judge(shared, factors, &mut rows);
+    }
+
+    /// Reads the sensors of every world and writes the observations.
+    fn observe(&mut self, shared: &Shared, observations: &mut [f32]) {
+        self.poses.look(&mut *self.engine);
+        for (w, (environment, truth)) in self.environments.iter_mut().zip(&mut self.truths).enumerate() {
+            *truth = environment.sense(shared, &*self.engine, w, &self.poses);
+        }
+        let n = shared.spec.observation_len();
+        let places = self.environments.chunks_mut(ROW).zip(self.truths.chunks(ROW));
+        for ((environments, truths), rows) in places.zip(observations.chunks_mut(ROW * n)) {
+            let mut places = environments.iter_mut().zip(truths).zip(rows.chunks_exact_mut(n));
+            let mut turns = std::array::from_fn(|_| {
+                let ((environment, truth), row) = places.next()?;
+                truth.as_ref().map(|truth| environment.turn(shared, truth, row))
+            });
+            self.observer.observe(&shared.spec, &mut turns);
+        }
+    }
+
+    /// Judges the step in every world, and starts another episode where one has ended.
+    fn judge(&mut self, shared: &Shared, factors: Factors, rows: &mut Rows) {
+        let n = shared.spec.observation_len();
+        for (w, (environment, truth)) in self.environments.iter_mut().zip(&self.truths).enumerate() {
+            let engine = &mut *self.engine;
+            let lost = Outcome {
+                terms: Terms::default(),
+                end: Some(End::Lost),
+            };
+            let outcome = truth.as_ref().map_or(lost, |truth| {
+                environment.conclude_step(shared, engine, w, truth, factors, &self.poses)
+            });
+            rows.terms[w] = outcome.terms;
+            rows.ends[w] = outcome.end;
+            if let Some(end) = outcome.end {
+                let row = &mut rows.observations[w * n..(w + 1) * n];
+                rows.final_observations[w * n..(w + 1) * n].copy_from_slice(row);
+                self.episodes.push(environment.conclude(end));
+                environment.reset(shared, engine, &mut self.actuators, w, &mut self.scratch, row);
+            }
+        }
+    }
+
+    pub fn save(&self, observations: &[f32]) -> SavedGroup {
+        let worlds = (0..self.environments.len())
+            .map(|w| {
+                let mut bytes = Vec::new();
+                self.engine.save(w, &mut bytes);
+                bytes
+            })
+            .collect();
+        SavedGroup {
+            environments: self.environments.clone(),
+            targets: self.actuators.targets().to_vec(),
+            observations: observations.to_vec(),
+            worlds,
+        }
+    }
+
+    pub fn load(&mut self, saved: SavedGroup, observations: &mut [f32]) -> Result<(), EnvError> {
+        let fits = saved.environments.len() == self.environments.len()
+            && saved.worlds.len() == self.environments.len()
+            && saved.observations.len() == observations.len();
+        if !fits {
+            return Err(EnvError::State(
+                "another number of environments or another observation".into(),
+            ));
+        }
+        self.actuators.restore(&saved.targets).map_err(EnvError::State)?;
+        for (w, bytes) in saved.worlds.iter().enumerate() {
+            self.engine.load(w, bytes).map_err(EnvError::State)?;
+        }
+        self.environments = saved.environments;
+        observations.copy_from_slice(&saved.observations);
+        Ok(())
+    }
+}
