@@ -2,47 +2,22 @@
 
 use std::path::PathBuf;
 
-use omniwalk_env::config::{
-    ActionConfig, ClockConfig, CommandConfig, EngineConfig, EnvConfig, FrictionConfig, LatencyConfig, NoiseConfig,
-    ObservationConfig, PushConfig, RandomiseConfig, RewardConfig, TaskConfig,
-};
+use omniwalk_env::config::EnvConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Invalid, Validate};
+use crate::config::{Configuration, Fault, Invalid, Table};
 
 /// The embedded defaults, the one place where they stand.
 pub const DEFAULT: &str = include_str!("../configs/default.toml");
 
 /// Everything a run is made of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Settings {
     /// `[robot]`
     pub robot: RobotSection,
-    /// `[engine]`
-    pub engine: EngineConfig,
-    /// `[observation]`
-    pub observation: ObservationConfig,
-    /// `[action]`
-    pub action: ActionConfig,
-    /// `[clock]`
-    pub clock: ClockConfig,
-    /// `[command]`
-    pub command: CommandConfig,
-    /// `[task]`
-    pub task: TaskConfig,
-    /// `[reward]`
-    pub reward: RewardConfig,
-    /// `[noise]`
-    pub noise: NoiseConfig,
-    /// `[latency]`
-    pub latency: LatencyConfig,
-    /// `[friction]`
-    pub friction: FrictionConfig,
-    /// `[randomise]`
-    pub randomise: RandomiseConfig,
-    /// `[push]`
-    pub push: PushConfig,
+    /// The sections of the environments.
+    #[serde(flatten)]
+    pub env: EnvConfig,
     /// `[curriculum]`
     pub curriculum: omniwalk_curriculum::Config,
     /// `[ppo]`
@@ -96,24 +71,6 @@ pub struct EvalSection {
 }
 
 impl Settings {
-    /// The part the environments need.
-    pub fn env(&self) -> EnvConfig {
-        EnvConfig {
-            engine: self.engine.clone(),
-            observation: self.observation.clone(),
-            action: self.action.clone(),
-            clock: self.clock.clone(),
-            command: self.command.clone(),
-            task: self.task.clone(),
-            reward: self.reward.clone(),
-            noise: self.noise.clone(),
-            latency: self.latency.clone(),
-            friction: self.friction.clone(),
-            randomise: self.randomise.clone(),
-            push: self.push.clone(),
-        }
-    }
-
     fn invalid_train(&self) -> Vec<(&'static str, String)> {
         let mut found = Vec::new();
         let mut require = |holds: bool, key: &'static str, right: &str| {
@@ -168,7 +125,7 @@ impl Settings {
             "at least 1, and at most 8192 over all commands",
         );
         require(
-            e.seconds * f64::from(self.engine.control_hz) >= 2.0 && e.seconds <= 3600.0,
+            e.seconds * f64::from(self.env.engine.control_hz) >= 2.0 && e.seconds <= 3600.0,
             "eval.seconds",
             "at least two control steps and at most 3600",
         );
@@ -176,15 +133,27 @@ impl Settings {
     }
 }
 
-impl Validate for Settings {
+impl Configuration for Settings {
+    fn read(table: &mut Table<'_>) -> Result<Self, Fault> {
+        Ok(Self {
+            robot: table.entry("robot")?,
+            env: table.part()?,
+            curriculum: table.entry("curriculum")?,
+            ppo: table.entry("ppo")?,
+            train: table.entry("train")?,
+            eval: table.entry("eval")?,
+        })
+    }
+
     fn validate(&self) -> Result<(), Vec<Invalid>> {
-        let mut found = self.env().invalid();
+        let mut found = self.env.invalid();
         found.extend(self.curriculum.invalid());
-        let within = |k: usize| (self.command.lower[k]..=self.command.upper[k]).contains(&self.curriculum.core[k]);
+        let within =
+            |k: usize| (self.env.command.lower[k]..=self.env.command.upper[k]).contains(&self.curriculum.core[k]);
         if self.curriculum.scheduler && !(0..3).all(within) {
             let message = format!(
                 "within command.lower = {:?} and command.upper = {:?}",
-                self.command.lower, self.command.upper
+                self.env.command.lower, self.env.command.upper
             );
             found.push(("curriculum.core", message));
         }

@@ -88,7 +88,7 @@ fn available() -> usize {
 
 fn env(settings: &Settings, seconds: u32) -> miette::Result<Value> {
     let robot = load::robot(&settings.robot.path)?;
-    let mut batch = Batch::new(robot, &settings.env(), settings.train.environments, settings.train.seed)?;
+    let mut batch = Batch::new(robot, &settings.env, settings.train.environments, settings.train.seed)?;
     let n = batch.environments();
     let mut actions = vec![0.5_f32; n * batch.shared().spec.action_len()];
     let mut counter = 0_u32;
@@ -116,14 +116,14 @@ fn env(settings: &Settings, seconds: u32) -> miette::Result<Value> {
         rate,
         n,
         engine(settings),
-        settings.engine.physics_hz,
+        settings.env.engine.physics_hz,
         rates[0],
         rates[rates.len() - 1],
     );
     Ok(json!({
         "engine": engine(settings),
         "environments": n,
-        "physics_hz": settings.engine.physics_hz,
+        "physics_hz": settings.env.engine.physics_hz,
         "policy_steps_per_second": rate,
     }))
 }
@@ -159,7 +159,7 @@ fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {
     Ok(json!({
         "engine": engine(settings),
         "environments": settings.train.environments,
-        "physics_hz": settings.engine.physics_hz,
+        "physics_hz": settings.env.engine.physics_hz,
         "policy_steps_per_second": rate,
         "passes_per_step": passes,
         "physics": per_million(total.physics),
@@ -170,7 +170,7 @@ fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {
 
 fn ppo(settings: &Settings, options: &Options, threads: usize) -> miette::Result<Value> {
     let robot = load::robot(&settings.robot.path)?;
-    let spec = omniwalk_env::task::shared::spec(&robot, &settings.env());
+    let spec = omniwalk_env::task::shared::spec(&robot, &settings.env);
     let result = omniwalk_ppo::bench(
         settings.ppo.clone(),
         spec.observation_len(),
@@ -197,7 +197,7 @@ fn ppo(settings: &Settings, options: &Options, threads: usize) -> miette::Result
 }
 
 fn engine(settings: &Settings) -> String {
-    format!("{:?}", settings.engine.kind).to_lowercase()
+    format!("{:?}", settings.env.engine.kind).to_lowercase()
 }
 
 /// Sorts `values` and returns the one in the middle.

@@ -142,7 +142,7 @@ impl Loaded {
         let (settings, _) = load::settings(Some(&args.run.join("config.toml")), &changes(args))?;
         let robot = load::robot(args.robot.as_deref().unwrap_or(&args.run.join("robot")))?;
         let latest = load::latest(&run)?;
-        let layout = spec(&robot, &settings.env());
+        let layout = spec(&robot, &settings.env);
         let agent = checkpoint::agent(
             &latest.checkpoint,
             &settings,
@@ -176,7 +176,7 @@ impl Loaded {
         for change in changes(args) {
             layers = layers.set(&change)?;
         }
-        Ok(layers.build::<Settings>()?.0.env())
+        Ok(layers.build::<Settings>()?.0.env)
     }
 
     /// Plays the commands of the run's own configuration.
@@ -192,7 +192,7 @@ impl Loaded {
         let mut rollouts = Rollouts::new(args.run.join("rollouts"), first_episodes(&suite));
         let agent = &mut self.agent;
         let policy = |observations: &[f32], actions: &mut [f32]| agent.mode(observations, actions);
-        let rows = play(self.robot.clone(), &self.settings.env(), &suite, policy, &mut rollouts)?;
+        let rows = play(self.robot.clone(), &self.settings.env, &suite, policy, &mut rollouts)?;
         let files = rollouts.finish()?;
         println!(
             "{} after {} steps, {} conditions, {} episodes of {} s a command, {}",
@@ -263,7 +263,7 @@ fn changes(args: &Args) -> Vec<String> {
 /// The controller keeps what is asked of it within the bounds it was trained for, so that other commands would not
 /// be played as they are written.
 fn within_bounds(settings: &Settings, what: &str, commands: &[[f64; 3]]) -> miette::Result<()> {
-    let (lower, upper) = (settings.command.lower, settings.command.upper);
+    let (lower, upper) = (settings.env.command.lower, settings.env.command.upper);
     let inside = |command: &[f64; 3]| (0..3).all(|k| (lower[k]..=upper[k]).contains(&command[k]));
     match commands.iter().find(|command| !inside(command)) {
         None => Ok(()),

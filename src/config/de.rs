@@ -9,22 +9,19 @@ use super::tree::{Item, Node, Origin};
 
 /// Why a value was refused, and where.
 #[derive(Debug)]
-pub(crate) struct Fault {
-    pub problem: Problem,
+pub struct Fault {
+    pub(super) problem: Problem,
     /// The innermost value that failed; `None` until a value on the way up puts itself here.
-    pub origin: Option<Origin>,
+    pub(super) origin: Option<Origin>,
     /// Keys from the outermost table to the failing value, innermost first.
-    pub path: Vec<String>,
+    pub(super) path: Vec<String>,
 }
 
 /// What is wrong.
 #[derive(Debug)]
-pub(crate) enum Problem {
+pub(super) enum Problem {
     /// A key that the type does not have.
-    UnknownKey {
-        key: String,
-        known: &'static [&'static str],
-    },
+    UnknownKey { key: String, known: Box<[&'static str]> },
     /// A choice that the type does not have.
     UnknownChoice {
         choice: String,
@@ -39,7 +36,7 @@ pub(crate) enum Problem {
 }
 
 impl Fault {
-    fn new(problem: Problem) -> Self {
+    pub(super) fn new(problem: Problem) -> Self {
         Self {
             problem,
             origin: None,
@@ -48,7 +45,7 @@ impl Fault {
     }
 
     /// Places the fault at `node` unless it already has a place further in.
-    fn within(mut self, node: &Node) -> Self {
+    pub(super) fn within(mut self, node: &Node) -> Self {
         if self.origin.is_none() {
             let entry = match &self.problem {
                 // Tagged enums report an unknown key only after the whole table has been read.
@@ -60,7 +57,7 @@ impl Fault {
         self
     }
 
-    fn below(mut self, key: &str) -> Self {
+    pub(super) fn below(mut self, key: &str) -> Self {
         self.path.push(key.to_owned());
         self
     }
@@ -93,7 +90,7 @@ impl de::Error for Fault {
     fn unknown_field(key: &str, known: &'static [&'static str]) -> Self {
         Self::new(Problem::UnknownKey {
             key: key.to_owned(),
-            known,
+            known: known.into(),
         })
     }
 
@@ -156,10 +153,7 @@ impl<'de> de::Deserializer<'de> for &'de Node {
                         extra => Err(de::Error::custom(format!("{extra} too many values"))),
                     })
             }
-            Item::Table(entries) => visitor.visit_map(TableAccess {
-                entries: entries.iter(),
-                next: None,
-            }),
+            Item::Table(entries) => visitor.visit_map(TableAccess::new(entries, None)),
         }
         .map_err(|fault| fault.within(self))
     }
@@ -183,10 +177,9 @@ impl<'de> de::Deserializer<'de> for &'de Node {
                 let choice: StrDeserializer<'_, Fault> = choice.as_str().into_deserializer();
                 visitor.visit_enum(choice)
             }
-            Item::Table(entries) if entries.len() == 1 => visitor.visit_enum(MapAccessDeserializer::new(TableAccess {
-                entries: entries.iter(),
-                next: None,
-            })),
+            Item::Table(entries) if entries.len() == 1 => {
+                visitor.visit_enum(MapAccessDeserializer::new(TableAccess::new(entries, None)))
+            }
             other => Err(Fault::new(Problem::WrongType {
                 expected: "the name of a choice".to_owned(),
                 found: other.kind().to_owned(),
@@ -218,16 +211,30 @@ impl<'de> de::SeqAccess<'de> for &mut ArrayAccess<'de> {
     }
 }
 
-struct TableAccess<'de> {
+pub(super) struct TableAccess<'de> {
     entries: std::slice::Iter<'de, (String, Node)>,
+    /// The only keys that are looked at, if not all are.
+    only: Option<&'static [&'static str]>,
     next: Option<&'de (String, Node)>,
+}
+
+impl<'de> TableAccess<'de> {
+    pub(super) fn new(entries: &'de [(String, Node)], only: Option<&'static [&'static str]>) -> Self {
+        Self {
+            entries: entries.iter(),
+            only,
+            next: None,
+        }
+    }
 }
 
 impl<'de> de::MapAccess<'de> for TableAccess<'de> {
     type Error = Fault;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Fault> {
-        let Some(entry) = self.entries.next() else {
+        let only = self.only;
+        let wanted = |entry: &&(String, Node)| only.is_none_or(|only| only.contains(&entry.0.as_str()));
+        let Some(entry) = self.entries.find(wanted) else {
             return Ok(None);
         };
         self.next = Some(entry);

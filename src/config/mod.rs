@@ -6,6 +6,7 @@
 
 mod de;
 mod error;
+mod table;
 mod tree;
 
 use std::fs::File;
@@ -13,11 +14,11 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
-use serde::de::DeserializeOwned;
-
+pub use de::Fault;
 pub use error::ConfigError;
+pub use table::Table;
 
-use de::{Fault, Problem};
+use de::Problem;
 use tree::{Item, Node, Origin, SyntaxError};
 
 /// Largest configuration file, bytes.
@@ -42,8 +43,14 @@ impl Invalid {
     }
 }
 
-/// A configuration that knows which of its values are impossible.
-pub trait Validate {
+/// A configuration that can be read from a table and knows which of its values are impossible.
+pub trait Configuration: Sized {
+    /// Reads it from a table; keys that it does not take are refused.
+    ///
+    /// # Errors
+    /// [`Fault`] when a key is missing or a value is of the wrong type.
+    fn read(table: &mut Table<'_>) -> Result<Self, Fault>;
+
     /// Checks every value and how values fit together.
     ///
     /// # Errors
@@ -152,9 +159,11 @@ impl Layers {
     /// The configuration as `T`, and the whole of it as TOML: loading that text again gives the same value.
     ///
     /// # Errors
-    /// A key that `T` does not know, a value of the wrong type, or what [`Validate`] refuses.
-    pub fn build<T: DeserializeOwned + Validate>(&self) -> Result<(T, String), ConfigError> {
-        let value = T::deserialize(&self.merged).map_err(|fault| self.explain(fault))?;
+    /// A key that `T` does not know, a value of the wrong type, or what [`Configuration::validate`] refuses.
+    pub fn build<T: Configuration>(&self) -> Result<(T, String), ConfigError> {
+        let mut table = Table::new(&self.merged);
+        let value = T::read(&mut table).and_then(|value| table.end().map(|()| value));
+        let value = value.map_err(|fault| self.explain(fault))?;
         if let Err(invalid) = value.validate()
             && let Some(error) = ConfigError::join(invalid.iter().map(|invalid| self.refuse(invalid)).collect())
         {
@@ -179,7 +188,7 @@ impl Layers {
         &self.sources[origin.layer]
     }
 
-    /// The message for a value that [`Validate`] refused.
+    /// The message for a value that [`Configuration::validate`] refused.
     fn refuse(&self, invalid: &Invalid) -> ConfigError {
         let node = self.merged.nearest(&invalid.key);
         let span = if node.origin.value.is_empty() {
@@ -210,7 +219,7 @@ impl Layers {
                     origin.key,
                     "there is no such setting",
                 )
-                .with_help(self.suggest(&key, known, &below)),
+                .with_help(self.suggest(&key, &known, &below)),
             Problem::UnknownChoice { choice, known } => source
                 .error(
                     format!("`{path}` cannot be `{choice}`"),

@@ -69,7 +69,11 @@ struct Train {
     mirror: bool,
 }
 
-impl Validate for Config {
+impl Configuration for Config {
+    fn read(table: &mut Table<'_>) -> Result<Self, Fault> {
+        table.part()
+    }
+
     fn validate(&self) -> Result<(), Vec<Invalid>> {
         let mut invalid = Vec::new();
         if !(0.0..=1.0).contains(&self.ppo.discount) {
@@ -359,7 +363,11 @@ struct Anything {
     tables: BTreeMap<String, BTreeMap<String, Vec<String>>>,
 }
 
-impl Validate for Anything {
+impl Configuration for Anything {
+    fn read(table: &mut Table<'_>) -> Result<Self, Fault> {
+        table.part()
+    }
+
     fn validate(&self) -> Result<(), Vec<Invalid>> {
         Ok(())
     }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::run::checkpoint::{Checkpoint, CheckpointError, Data};
+use crate::run::checkpoint::{Checkpoint, CheckpointError};
+use crate::run::tensor::Data;
 
 pub(super) fn describe(path: &Path) -> Result<String, CheckpointError> {
     let checkpoint = Checkpoint::read(path)?;

@@ -21,7 +21,7 @@ pub(super) fn describe(path: &Path, defaults: &Layers) -> Result<String, Report>
     let robot = Arc::new(robot::load(path)?);
     let mut text = robot::describe(&robot);
     if robot.base == Base::Floating && !robot.feet.is_empty() && !robot.policy.is_empty() {
-        let mut config = defaults.build::<Settings>()?.0.env();
+        let mut config = defaults.build::<Settings>()?.0.env;
         text += &format!(
             "\nunder its position servos alone ({} Hz physics, {} Hz control)\n",
             config.engine.physics_hz, config.engine.control_hz

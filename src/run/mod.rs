@@ -17,6 +17,7 @@ pub mod checkpoints;
 pub mod events;
 pub mod metrics;
 pub mod sessions;
+pub mod tensor;
 
 use std::fs::{self, File, TryLockError};
 use std::io;

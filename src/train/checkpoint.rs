@@ -10,7 +10,8 @@ use thiserror::Error;
 
 use super::shape::Shape;
 use super::trainer::{Progress, TrainError, Trainer};
-use crate::run::checkpoint::{Checkpoint, CheckpointError, Data};
+use crate::run::checkpoint::{Checkpoint, CheckpointError};
+use crate::run::tensor::Data;
 use crate::settings::Settings;
 
 /// Name of the tensor that holds the environments.

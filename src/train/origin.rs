@@ -64,7 +64,7 @@ impl Source {
             let run = self.run.clone();
             return Err(LayoutError { run, differences }.into());
         }
-        let layout = spec(robot, &settings.env());
+        let layout = spec(robot, &settings.env);
         let agent = checkpoint::agent_from_weights(
             &self.checkpoint,
             settings,

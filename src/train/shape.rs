@@ -127,8 +127,8 @@ pub fn by_key(settings: &Settings) -> BTreeMap<String, Value> {
 
 /// The SIMD level the engine uses, if there is a choice.
 pub fn simd(settings: &Settings) -> Option<&'static str> {
-    let lanes = settings.engine.kind == EngineKind::Lanes;
-    lanes.then(|| settings.engine.simd.level().name())
+    let lanes = settings.env.engine.kind == EngineKind::Lanes;
+    lanes.then(|| settings.env.engine.simd.level().name())
 }
 
 fn describe(key: &str, old: &Value, new: Option<&Value>) -> String {

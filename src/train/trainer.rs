@@ -92,7 +92,7 @@ impl Trainer {
     /// [`TrainError`] when robot and configuration do not fit together.
     pub fn new(settings: &Settings, robot: Arc<Robot>) -> Result<Self, TrainError> {
         let train = &settings.train;
-        let batch = Batch::new(robot, &settings.env(), train.environments, train.seed)?;
+        let batch = Batch::new(robot, &settings.env, train.environments, train.seed)?;
         let spec = &batch.shared().spec;
         let (observation_len, action_len) = (spec.observation_len(), spec.action_len());
         let agent = Agent::new(settings.ppo.clone(), observation_len, action_len, train.seed)?;
@@ -250,7 +250,7 @@ impl Trainer {
 
     /// Bounds of the region desired velocities are drawn from.
     pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
-        let command = &self.settings.command;
+        let command = &self.settings.env.command;
         self.progress
             .curriculum
             .bounds(&self.settings.curriculum, command.lower, command.upper)
@@ -258,7 +258,7 @@ impl Trainer {
 
     fn apply_curriculum(&mut self) {
         let (lower, upper) = self.bounds();
-        let (curriculum, command) = (&self.progress.curriculum, &self.settings.command);
+        let (curriculum, command) = (&self.progress.curriculum, &self.settings.env.command);
         self.batch.set_factors(Factors {
             velocity: curriculum.velocity_factor(),
             foot: curriculum.foot_factor(),
@@ -273,19 +273,19 @@ impl Trainer {
 
     /// The mean kernels of the update, and falls per full length of an episode.
     fn performance(&self, terms: &Terms, falls: u64) -> Performance {
-        let reward = &self.settings.reward;
-        let seconds = self.rollout.samples() as f64 / f64::from(self.settings.engine.control_hz);
+        let reward = &self.settings.env.reward;
+        let seconds = self.rollout.samples() as f64 / f64::from(self.settings.env.engine.control_hz);
         let kernel = |sum: f64, weight: f64| if weight > 0.0 { sum / (weight * seconds) } else { 1.0 };
         let curriculum = &self.progress.curriculum;
         Performance {
             velocity: kernel(terms.velocity, reward.velocity_weight * curriculum.velocity_factor()),
             foot: kernel(terms.foot, reward.foot_weight * curriculum.foot_factor()),
-            falls: Some((falls as f64 * self.settings.task.episode_seconds / seconds).min(1.0)),
+            falls: Some((falls as f64 * self.settings.env.task.episode_seconds / seconds).min(1.0)),
         }
     }
 
     fn per_second(&self, sum: &Terms) -> Terms {
-        let seconds = self.rollout.samples() as f64 / f64::from(self.settings.engine.control_hz);
+        let seconds = self.rollout.samples() as f64 / f64::from(self.settings.env.engine.control_hz);
         sum.scaled(1.0 / seconds)
     }
 }

@@ -1,16 +1,14 @@
 //! Run folders that cannot be lost and that say where they come from, through the command line.
 
-#[allow(dead_code)]
-mod support;
-
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use omniwalk::run::checkpoint::{Checkpoint, Data};
+use super::support::{omniwalk, state, succeeds, tiny};
+use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::checkpoints::Checkpoints;
-use support::{omniwalk, state, succeeds, tiny};
+use omniwalk::run::tensor::Data;
 
 const START: [&str; 6] = ["train", "tiny.toml", "--run", "run", "--engine", "lanes"];
 const RESUME: [&str; 6] = ["train", "--resume", "--run", "run", "--steps", "480"];

@@ -1,13 +1,10 @@
 //! Train, evaluate, inspect: what a first user does, on a small scale.
 
-#[allow(dead_code)]
-mod support;
-
 use std::fs;
 use std::path::Path;
 
+use super::support::{GAIT, robot, succeeds, tiny};
 use serde_json::Value;
-use support::{robot, succeeds, tiny};
 
 #[track_caller]
 fn inspects(folder: &Path, path: &str, parts: &[&str]) {
@@ -78,14 +75,7 @@ fn result(text: &str) {
         let error = key("error_xy_mps");
         assert!(error.is_null() || error.as_f64().unwrap() >= 0.0);
     }
-    for name in [
-        "alternation",
-        "touchdowns_per_second",
-        "clearance_m",
-        "air_time_s",
-        "slip_mps",
-        "leg_overlap",
-    ] {
+    for name in GAIT {
         assert!(at(&format!("/forward/rows/1/gait/{name}")).is_number(), "{name}");
     }
 }

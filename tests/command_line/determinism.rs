@@ -1,13 +1,10 @@
 //! Same configuration and seed, same bits: with any number of threads, stopped and resumed or not.
 
-#[allow(dead_code)]
-mod support;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::support::{state, succeeds, tiny};
 use omniwalk::run::checkpoints::Checkpoints;
-use support::{state, succeeds, tiny};
 
 const ENGINES: [&str; 2] = ["rapier", "lanes"];
 

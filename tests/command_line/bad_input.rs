@@ -1,14 +1,11 @@
 //! Bad input through the command line: exit code 2, a message that says where and what would be right, no panic, and
 //! nothing is written.
 
-#[allow(dead_code)]
-mod support;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use support::{contents, copy, omniwalk, robot, succeeds, tiny};
+use super::support::{contents, copy, omniwalk, robot, succeeds, tiny};
 use tempfile::TempDir;
 
 /// Runs `omniwalk` in a folder that `prepare` has filled, beside `tiny.toml`.

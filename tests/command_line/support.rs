@@ -7,6 +7,16 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use omniwalk::run::checkpoints::Checkpoints;
 
+/// Gait measures of every row of an evaluation.
+pub const GAIT: [&str; 6] = [
+    "alternation",
+    "touchdowns_per_second",
+    "clearance_m",
+    "air_time_s",
+    "slip_mps",
+    "leg_overlap",
+];
+
 /// What a run of the program gave.
 pub struct Output {
     pub code: i32,

@@ -1,15 +1,12 @@
 //! `omniwalk eval --suite` as a user meets it, with sequences of a blink.
 
-#[allow(dead_code)]
-mod support;
-
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
+use super::support::{GAIT, copy, omniwalk, succeeds, tiny};
 use assert_cmd::Command;
 use serde_json::Value;
-use support::{copy, omniwalk, succeeds, tiny};
 use tempfile::TempDir;
 
 /// A run that has learned nothing.
@@ -79,14 +76,7 @@ fn all_suites_give_tables_figures_pictures_and_a_rollout() {
         let share = at("falls", "falls").as_f64().unwrap() / 20.0;
         is_interval(at("falls", "falls_share_ci95"), share);
         assert!(at("falls", "rows/0/drift_m").is_f64());
-        for name in [
-            "alternation",
-            "touchdowns_per_second",
-            "clearance_m",
-            "air_time_s",
-            "slip_mps",
-            "leg_overlap",
-        ] {
+        for name in GAIT {
             assert!(at("falls", &format!("rows/1/gait/{name}")).is_number(), "{name}");
         }
         for name in [

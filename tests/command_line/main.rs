@@ -1,0 +1,8 @@
+//! omniwalk through its command line, as a user runs it.
+
+mod bad_input;
+mod determinism;
+mod end_to_end;
+mod run_folder;
+mod suites;
+mod support;
