@@ -1,34 +1,17 @@
 //! An update allocates nothing while no episode ends: collecting, learning and the curriculum work in buffers made once.
 //! (Engine `lanes`: rapier's own solver allocates in every step. The end of an episode allocates its record.)
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use omniwalk::config::Layers;
 use omniwalk::settings::{DEFAULT, Settings};
 use omniwalk::train::trainer::Trainer;
+use omniwalk_allocations::Counting;
 use omniwalk_env::robot;
 
-static COUNT: AtomicUsize = AtomicUsize::new(0);
-
-struct Counting;
-
-// SAFETY: hands every call on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: Counting = Counting::new();
 
 #[test]
 fn an_update_without_episode_ends_allocates_nothing() {
@@ -55,11 +38,11 @@ fn an_update_without_episode_ends_allocates_nothing() {
         for _ in 0..2 {
             trainer.update();
         }
-        let before = COUNT.load(Ordering::Relaxed);
+        let before = ALLOCATOR.count();
         for _ in 0..5 {
             trainer.update();
         }
-        assert_eq!(COUNT.load(Ordering::Relaxed) - before, 0);
+        assert_eq!(ALLOCATOR.count() - before, 0);
         assert_eq!(trainer.progress().window.total(), 0, "episodes ended");
     });
 }

@@ -2,32 +2,12 @@
 
 mod support;
 
-use std::{
-    alloc::{GlobalAlloc, Layout, System},
-    sync::atomic::{AtomicUsize, Ordering},
-};
-
+use omniwalk_allocations::Counting;
 use omniwalk_ppo::Agent;
 use support::{Points, config};
 
-struct Counting;
-
-static COUNT: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: everything is left to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: Counting = Counting::new();
 
 #[test]
 fn acting_and_learning_do_not_allocate() {
@@ -40,7 +20,7 @@ fn acting_and_learning_do_not_allocate() {
             points.iterate(&mut agent, Some(&mirror), 0);
             let (mut actions, mut values) = (vec![0.0; 100], vec![0.0; 50]);
             let keys: Vec<u64> = (0..50).collect();
-            let before = COUNT.load(Ordering::Relaxed);
+            let before = ALLOCATOR.count();
             for key in 1..4 {
                 agent.update(&points.rollout, Some(&mirror), key);
                 let observations = &points.rollout.observations[..200];
@@ -48,11 +28,7 @@ fn acting_and_learning_do_not_allocate() {
                 agent.mode(observations, &mut actions);
                 agent.values(observations, &mut values);
             }
-            assert_eq!(
-                COUNT.load(Ordering::Relaxed) - before,
-                0,
-                "allocations with {threads} threads"
-            );
+            assert_eq!(ALLOCATOR.count() - before, 0, "allocations with {threads} threads");
         });
     }
 }
