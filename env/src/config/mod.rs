@@ -162,6 +162,9 @@ pub struct RewardConfig {
     pub velocity_kernel: f64,
     /// Seconds of the low-pass on the velocity in the reward; 0: none (thesis).
     pub velocity_filter: f64,
+    /// The inertial velocity is judged along the heading commanded since the inertial frame was set. Along the frame
+    /// itself (false, thesis) a command that turns and walks contradicts itself: it asks for one velocity in two frames that turn apart.
+    pub commanded_heading: bool,
     /// Weight of the pose term, w_r.
     pub pose_weight: f64,
     /// Sharpness of its kernel, l_r.

@@ -40,7 +40,8 @@ pub struct Environment {
     pub(super) targets: Vec<f32>,
     pub(super) previous_targets: Vec<f32>,
     pub(super) action_change: f64,
-    /// True heading at which the inertial frame was set last.
+    /// Heading the inertial velocity is judged along: the true one when the inertial frame was set last, turned on as
+    /// commanded if the configuration says so.
     pub(super) heading: [f64; 2],
     pub(super) motion: Motion,
     pub(super) swing: Swing,

@@ -21,6 +21,9 @@ impl Environment {
     ) -> Terms {
         let config = &shared.config.reward;
         let dt = shared.config.control_dt();
+        if config.commanded_heading && !self.pipeline.frame_was_set() {
+            self.heading = turned(self.heading, self.asked.commanded[2] * dt);
+        }
         let motion = Motion {
             base: [truth.velocity.x, truth.velocity.y],
             inertial: truth.velocity_along(self.heading),
@@ -106,5 +109,37 @@ impl Environment {
         sums.torque += torque / shared.joints.len() as f64;
         sums.action_change += self.action_change;
         sums.position = [truth.position.x, truth.position.y];
+    }
+}
+
+/// The direction (cosine, sine) turned by `angle`, rad.
+fn turned([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+    use crate::engine::BaseState;
+
+    #[test]
+    fn a_robot_that_follows_a_turning_command_has_the_commanded_velocity_along_the_commanded_heading() {
+        let (commanded, dt) = ([0.3, -0.2, 0.6], 0.025);
+        let mut heading = [1.0, 0.0];
+        for step in 1..=80 {
+            heading = turned(heading, commanded[2] * dt);
+            let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), f64::from(step) * dt * commanded[2]);
+            let truth = Truth::new(&BaseState {
+                position: Vector3::zeros(),
+                orientation: yaw,
+                linear_velocity: yaw * Vector3::new(commanded[0], commanded[1], 0.0),
+                angular_velocity: Vector3::new(0.0, 0.0, commanded[2]),
+            });
+            let [along, left] = truth.velocity_along(heading);
+            assert!((along - 0.3).abs() < 1e-12 && (left + 0.2).abs() < 1e-12, "step {step}");
+        }
     }
 }
