@@ -1,15 +1,28 @@
 #!/bin/sh
-# Trains the default, plays DeepWalk's evaluation in rapier and keeps the small files beside this script.
-# Usage: runs/nimbro_op2x_omni/make.sh [FOLDER], after cargo build --release.
+# Trains five seeds of the default, plays DeepWalk's evaluation of each in rapier and keeps the small files beside this script.
+# What is finished is not done again: stop it and go on at will.
+# Usage: runs/nimbro_op2x_omni/make.sh [FOLDER] [SEED...], after cargo build --release.
 set -eu
 cd "$(dirname "$0")/../.."
 omniwalk="${OMNIWALK:-target/release/omniwalk}"
-run="${1:-target/omni}"
+out="${1:-target/omni}"
+[ $# -gt 0 ] && shift
 here=runs/nimbro_op2x_omni
-[ -d "$run" ] || "$omniwalk" train --run "$run"
-"$omniwalk" eval "$run" --suite falls,changes,push --seed 2000 | tee "$run/eval.txt"
-cp "$run/config.toml" "$run/eval_push.png" "$here/"
-for file in eval.json eval.txt; do
-    sed "/^rollout/d; /^picture/d; s#$run#nimbro_op2x_omni#" "$run/$file" > "$here/$file"
+for seed in ${*:-1 2 3 4 5}; do
+    run="$out/seed-$seed"
+    if [ ! -d "$run" ]; then
+        "$omniwalk" train --seed "$seed" --run "$run"
+    elif [ ! -f "$run/eval.txt" ]; then
+        "$omniwalk" train --resume --run "$run"
+    fi
+    if [ ! -f "$run/eval.txt" ]; then
+        "$omniwalk" eval "$run" --suite all --seed 5000 > "$run/eval.draft"
+        mv "$run/eval.draft" "$run/eval.txt"
+    fi
+    mkdir -p "$here/seed-$seed"
+    cp "$run/config.toml" "$here/seed-$seed/"
+    for file in eval.json eval.txt; do
+        sed "/^rollout/d; /^picture/d; s#$run#seed-$seed#" "$run/$file" > "$here/seed-$seed/$file"
+    done
+    awk 'NR == 1 || NR % 40 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done
-awk 'NR == 1 || NR % 40 == 0' "$run/metrics.csv" > "$here/metrics.csv"
