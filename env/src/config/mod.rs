@@ -183,7 +183,7 @@ pub struct RewardConfig {
     pub clearance: f64,
     /// The swing leg changes when the other foot is higher by this, m.
     pub swing_hysteresis: f64,
-    /// The clock chooses the swing foot and its clearance follows a half sine.
+    /// The clock chooses the swing foot and its clearance follows a squared sine.
     pub clock_swing: bool,
     /// Weight of the penalty on the change of the action between steps (mean square of the change of `u`).
     pub action_rate_weight: f64,

@@ -177,10 +177,11 @@ impl Swing {
         }
     }
 
-    /// The leg the clock says: the left in the first half of the cycle. Returns the desired share of the clearance.
+    /// The leg the clock says: the left in the first half of the cycle. Returns the desired share of the clearance, a squared
+    /// sine: a foot that follows it leaves the ground and comes down without vertical speed, so that it does not bounce.
     pub fn by_clock(&mut self, phase: f64) -> f64 {
         self.leg = usize::from(phase >= 0.5);
-        (std::f64::consts::TAU * phase).sin().abs()
+        (std::f64::consts::TAU * phase).sin().powi(2)
     }
 }
 
