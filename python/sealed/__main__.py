@@ -1,11 +1,17 @@
-"""`python -m sealed generate rig --seeds 0-7 --out DIR`"""
+"""Makes, runs and judges sealed cases.
+
+    python -m sealed generate rig --seeds 0-7 --out DIR
+    python -m sealed run fixed --out DIR --results DIR [--program omniwalk]
+    python -m sealed summary --out DIR --results DIR
+"""
 
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
-from . import generate
+from . import cases, generate, runner, summary
 
 
 def seeds(text: str) -> list[int]:
@@ -25,6 +31,17 @@ def main() -> None:
     make.add_argument("--seeds", type=seeds, required=True, help="such as 0-7 or 1,4,8")
     make.add_argument("--out", type=Path, required=True)
     make.set_defaults(run=_generate)
+    run = commands.add_parser("run", help="identifies the cases of a list; what is done is skipped")
+    run.add_argument("cases", choices=cases.LISTS)
+    run.add_argument("--out", type=Path, required=True, help="where cases are, or are made")
+    run.add_argument("--results", type=Path, required=True)
+    run.add_argument("--program", default="omniwalk", help="the command [omniwalk]")
+    run.add_argument("--limit", type=float, default=1800.0, help="time for one case, s [1800]")
+    run.set_defaults(run=_run)
+    judge = commands.add_parser("summary", help="compares results with truths")
+    judge.add_argument("--out", type=Path, required=True)
+    judge.add_argument("--results", type=Path, required=True)
+    judge.set_defaults(run=_summary)
     arguments = parser.parse_args()
     arguments.run(arguments)
 
@@ -32,6 +49,15 @@ def main() -> None:
 def _generate(arguments) -> None:
     for seed in arguments.seeds:
         print(generate.generate(arguments.machine, seed, arguments.out))
+
+
+def _run(arguments) -> None:
+    program = shlex.split(arguments.program)
+    runner.run(cases.LISTS[arguments.cases], program, arguments.out, arguments.results, arguments.limit)
+
+
+def _summary(arguments) -> None:
+    print(summary.tables(summary.load(arguments.out, arguments.results)))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,23 @@
+"""The fixed list of cases, and where their files are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .generate import generate, name_of
+
+FIXED = [("rig", seed) for seed in range(72)] + [("leg", seed) for seed in range(32)]
+"""Machine and seed; to be run once, after the procedure is frozen."""
+
+REHEARSAL = [("rig", seed) for seed in range(1000, 1016)] + [("leg", seed) for seed in range(1000, 1004)]
+"""Other seeds, to try the machinery with."""
+
+LISTS = {"fixed": FIXED, "rehearsal": REHEARSAL}
+
+
+def ensure(machine: str, seed: int, out: Path) -> Path:
+    """The folder of a case, made if its truth, which is written last, is not there."""
+    name = name_of(machine, seed)
+    if not (out / "truth" / f"{name}.json").exists():
+        generate(machine, seed, out)
+    return out / "cases" / name

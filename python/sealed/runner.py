@@ -1,0 +1,53 @@
+"""Runs `omniwalk identify` over cases, one after the other; what is done is skipped, so that it can be stopped at any time.
+
+The truth is never opened here.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from . import cases
+
+KEPT = [
+    *("verdict", "nominal", "refit", "final", "noise_floor", "gap_closed", "accepted", "indistinguishable"),
+    *("unexplained", "all_effects"),
+]
+"""Keys of `report.json` that a result keeps."""
+
+
+def run(chosen: list[tuple[str, int]], program: list[str], out: Path, results: Path, limit: float) -> None:
+    """Identifies the chosen cases, whose files are under `out`, with `program`; a case may take `limit` s."""
+    results.mkdir(parents=True, exist_ok=True)
+    for machine, seed in chosen:
+        target = results / f"{machine}-{seed:04d}.json"
+        if target.exists():
+            continue
+        result = identify(cases.ensure(machine, seed, out), program, limit)
+        # Written whole or not at all.
+        partial = target.with_suffix(".part")
+        partial.write_text(json.dumps(result, indent=1) + "\n")
+        partial.rename(target)
+        print(f"{target.stem}: {result['report'].get('verdict', 'no report')} in {result['seconds']:.0f} s", flush=True)
+
+
+def identify(case: Path, program: list[str], limit: float) -> dict:
+    """Exit code, duration and report of one identification."""
+    fit, held_out = (sorted(str(log) for log in (case / part).glob("*.mcap")) for part in ("fit", "heldout"))
+    with tempfile.TemporaryDirectory() as folder:
+        command = [*program, "identify", *fit, "--robot", str(case / "robot"), "--out", folder, "--heldout", *held_out]
+        start = time.monotonic()
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+            code, said = done.returncode, done.stderr[-2000:]
+        except subprocess.TimeoutExpired:
+            code, said = None, f"more than {limit:.0f} s"
+        seconds = time.monotonic() - start
+        path = Path(folder) / "report.json"
+        report = json.loads(path.read_text()) if path.exists() else {}
+    kept = {key: report[key] for key in KEPT if key in report}
+    return {"code": code, "seconds": seconds, "report": kept, "said": "" if code == 0 else said}
