@@ -1,7 +1,7 @@
 """Trains the default with one thing changed at a time and tabulates what each change does.
 
-    python3 python/ablations.py run      # trains and judges what is not finished yet, one run at a time; stop and go on at will
-    python3 python/ablations.py table    # docs table and picture from runs/ablations/results.csv
+    cd python; python3 -m studies.ablations run      # trains and judges what is not finished yet, one run at a time; stop and go on at will
+    python3 -m studies.ablations table    # docs table and picture from runs/ablations/results.csv
 
 Needs `cargo build --release`; nothing but Python's standard library. Each run is 6 M steps, three seeds a variant.
 Judged by the mode in rapier under the suites' randomised conditions: the ten commands of the falls suite, two
@@ -11,19 +11,17 @@ sequences of 60 s each. A finished run is a row of results.csv; runs themselves 
 import argparse
 import csv
 import json
-import os
 import statistics
 import subprocess
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-HERE = ROOT / "runs" / "ablations"
-RESULTS = HERE / "results.csv"
+from studies.common import OMNIWALK, ROOT, append, falls_suite, rows, svg
+
+RESULTS = ROOT / "runs" / "ablations" / "results.csv"
 RUNS = ROOT / "target" / "ablations"
-OMNIWALK = os.environ.get("OMNIWALK", str(ROOT / "target" / "release" / "omniwalk"))
 STEPS = 6_000_000
 SEEDS = (1, 2, 3)
-JUDGED_WITH_SEED = 4000
+JUDGED_WITH_SEED = "4000"
 
 BLOCKS = [
     "joint_position", "joint_velocity", "attitude", "gyro",
@@ -57,11 +55,6 @@ VARIANTS = {
     "mirror-samples": ("not ours: mirrored samples instead of symmetry", None, {"clock.symmetric": False, "train.mirror": True}),
 }
 
-COLUMNS = [
-    "variant", "seed", "steps", "train_seconds", "falls", "sequences", "error_xy_mps", "error_yaw_radps",
-    "alternation", "slip_mps", "touchdowns_per_second",
-]
-
 
 def toml(value) -> str:
     """A value as `--set` takes it."""
@@ -84,115 +77,78 @@ def train(variant: str, seed: int) -> Path:
     return run
 
 
-def judge(run: Path) -> dict:
-    """Plays the falls suite; the figures of a row, gait measures the worst of the commands that move."""
-    file = run / "falls.json"
-    subprocess.run(
-        [OMNIWALK, "eval", str(run), "--suite", "falls", "--episodes", "2", "--seed", str(JUDGED_WITH_SEED), "--json", str(file)],
-        cwd=ROOT, check=True, stdout=subprocess.DEVNULL,
-    )
-    rows = json.loads(file.read_text())["falls"]["rows"]
-    moving = [row["gait"] for row in rows if any(row["command"])]
-
-    def worst(key, choose):
-        values = [gait[key] for gait in moving if gait[key] is not None]
-        return round(choose(values), 4) if values else ""
-
-    def mean(key):
-        values = [row[key] for row in rows if row[key] is not None]
-        return round(statistics.mean(values), 4) if values else ""
-
-    return {
-        "falls": sum(row["falls"] for row in rows),
-        "sequences": sum(row["episodes"] for row in rows),
-        "error_xy_mps": mean("error_xy_mps"),
-        "error_yaw_radps": mean("error_yaw_radps"),
-        "alternation": worst("alternation", min),
-        "slip_mps": worst("slip_mps", max),
-        "touchdowns_per_second": worst("touchdowns_per_second", max),
-    }
-
-
-def seconds(run: Path) -> tuple[int, float]:
+def effort(run: Path) -> dict:
     """Steps and wall time of a run, from the last row of its metrics."""
     with (run / "metrics.csv").open() as file:
         last = list(csv.DictReader(file))[-1]
-    return int(last["step"]), round(float(last["seconds"]))
-
-
-def finished() -> list[dict]:
-    """The rows there are."""
-    if not RESULTS.exists():
-        return []
-    with RESULTS.open() as file:
-        return list(csv.DictReader(file))
+    return {"steps": int(last["step"]), "train_seconds": round(float(last["seconds"]))}
 
 
 def run(only: list[str]) -> None:
     """Everything that is not finished, seed by seed, so that what there is can be compared at any time."""
     for seed in SEEDS:
         for variant in only or VARIANTS:
-            if any(row["variant"] == variant and int(row["seed"]) == seed for row in finished()):
+            if any(row["variant"] == variant and int(row["seed"]) == seed for row in rows(RESULTS)):
                 continue
             folder = train(variant, seed)
-            steps, time = seconds(folder)
-            row = {"variant": variant, "seed": seed, "steps": steps, "train_seconds": time, **judge(folder)}
-            rows = [*finished(), row]
-            HERE.mkdir(parents=True, exist_ok=True)
-            draft = RESULTS.with_suffix(".draft")
-            with draft.open("w", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS)
-                writer.writeheader()
-                writer.writerows(rows)
-            draft.replace(RESULTS)
-            print(row, flush=True)
+            judged = falls_suite(folder, folder / "falls.json", "--episodes", "2", "--seed", JUDGED_WITH_SEED)
+            append(RESULTS, {"variant": variant, "seed": seed, **effort(folder), **judged})
+
+
+def by_variant() -> dict[str, list[dict]]:
+    """The results so far."""
+    groups: dict[str, list[dict]] = {}
+    for row in rows(RESULTS):
+        groups.setdefault(row["variant"], []).append(row)
+    return groups
+
+
+def spread(group: list[dict], key: str, digits: int) -> str:
+    """Median and range over the seeds."""
+    values = [float(row[key]) for row in group if row[key] != ""]
+    if len(values) < 2:
+        return "".join(f"{value:.{digits}f}" for value in values) or "-"
+    return f"{statistics.median(values):.{digits}f} ({min(values):.{digits}f} to {max(values):.{digits}f})"
+
+
+def fallen(group: list[dict]) -> tuple[int, int]:
+    """Falls and sequences over the seeds."""
+    return sum(int(row["falls"]) for row in group), sum(int(row["sequences"]) for row in group)
 
 
 def table() -> None:
-    """Prints the table in Markdown and draws `runs/ablations/ablations.svg`."""
-    groups: dict[str, list[dict]] = {}
-    for row in finished():
-        groups.setdefault(row["variant"], []).append(row)
+    """Prints the table in Markdown and draws it beside the results."""
     print("| variant | tests | seeds | falls | error m/s | error rad/s | alternating, worst | slip m/s, worst |")
     print("|---|---|---|---|---|---|---|---|")
-    for variant, rows in groups.items():
-        def spread(key, digits, rows=rows):
-            values = [float(row[key]) for row in rows if row[key] != ""]
-            if not values:
-                return "-"
-            if len(values) == 1:
-                return f"{values[0]:.{digits}f}"
-            return f"{statistics.median(values):.{digits}f} ({min(values):.{digits}f} to {max(values):.{digits}f})"
-
-        falls = sum(int(row["falls"]) for row in rows)
-        sequences = sum(int(row["sequences"]) for row in rows)
-        print(
-            f"| {variant} | {VARIANTS[variant][0]} | {len(rows)} | {falls} of {sequences} | {spread('error_xy_mps', 3)} | "
-            f"{spread('error_yaw_radps', 3)} | {spread('alternation', 2)} | {spread('slip_mps', 2)} |"
-        )
-    (HERE / "ablations.svg").write_text(picture(groups))
+    for variant, group in by_variant().items():
+        falls, sequences = fallen(group)
+        columns = [
+            variant, VARIANTS[variant][0], str(len(group)), f"{falls} of {sequences}",
+            spread(group, "error_xy_mps", 3), spread(group, "error_yaw_radps", 3),
+            spread(group, "alternation", 2), spread(group, "slip_mps", 2),
+        ]
+        print("| " + " | ".join(columns) + " |")
+    RESULTS.with_name("ablations.svg").write_text(picture())
 
 
-def picture(groups: dict[str, list[dict]]) -> str:
-    """Share of falls as bars and velocity error as points, one line a variant, as SVG."""
-    line, left, width = 22, 190, 300
-    height = line * (len(groups) + 2)
+def picture() -> str:
+    """Share of falls as bars and velocity error as points, one line a variant."""
+    groups, line, left, width = by_variant(), 22, 190, 300
+    right = left + width + 30
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + 2 * width + 60}" height="{height}" font-family="sans-serif" font-size="12">',
-        '<rect width="100%" height="100%" fill="white"/>',
         f'<text x="{left}" y="15">share of sequences that fall</text>',
-        f'<text x="{left + width + 30}" y="15">velocity error, m/s (a point a seed, 0 to 0.3)</text>',
+        f'<text x="{right}" y="15">velocity error, m/s (a point a seed, 0 to 0.3)</text>',
     ]
-    for k, (variant, rows) in enumerate(groups.items()):
+    for k, (variant, group) in enumerate(groups.items()):
         y = line * (k + 1.5)
-        share = sum(int(row["falls"]) for row in rows) / sum(int(row["sequences"]) for row in rows)
+        falls, sequences = fallen(group)
         parts.append(f'<text x="{left - 8}" y="{y + 4}" text-anchor="end">{variant}</text>')
-        parts.append(f'<rect x="{left}" y="{y - 6}" width="{share * width:.1f}" height="12" fill="#c0504d"/>')
-        for row in rows:
+        parts.append(f'<rect x="{left}" y="{y - 6}" width="{falls / sequences * width:.1f}" height="12" fill="#c0504d"/>')
+        for row in group:
             if row["error_xy_mps"] != "":
-                x = left + width + 30 + min(float(row["error_xy_mps"]) / 0.3, 1.0) * width
+                x = right + min(float(row["error_xy_mps"]) / 0.3, 1.0) * width
                 parts.append(f'<circle cx="{x:.1f}" cy="{y}" r="4" fill="#1f497d" fill-opacity="0.6"/>')
-    return "\n".join([*parts, "</svg>"]) + "\n"
+    return svg(right + width + 30, line * (len(groups) + 2), parts)
 
 
 def main() -> None:
@@ -200,13 +156,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     commands = parser.add_subparsers(dest="command", required=True)
     runner = commands.add_parser("run", help="train and judge what is not finished")
-    runner.add_argument("variants", nargs="*", help="only these")
+    runner.add_argument("variants", nargs="*", choices=[[], *VARIANTS], help="only these")
     commands.add_parser("table", help="Markdown table and picture")
     arguments = parser.parse_args()
     if arguments.command == "run":
-        unknown = set(arguments.variants) - set(VARIANTS)
-        if unknown:
-            parser.error(f"unknown: {', '.join(sorted(unknown))}; known: {', '.join(VARIANTS)}")
         run(arguments.variants)
     else:
         table()

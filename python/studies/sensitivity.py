@@ -1,0 +1,120 @@
+"""How far a policy carries: the falls suite under one condition at a time, from easy to hard.
+
+    cd python; python3 -m studies.sensitivity ../target/omni/seed-1 ../runs/nimbro_op2x_omni
+
+Judges the run in rapier, two sequences of 30 s for each of the ten commands, everything else randomised as in the suites;
+writes sensitivity.csv and sensitivity.svg into the second folder and goes on where it was stopped. Needs
+`cargo build --release`; nothing but Python's standard library. Payload and weak motors are copies of the robot folder in a temporary
+place.
+"""
+
+import argparse
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from studies.common import ROOT, append, falls_suite, rows, svg
+
+ROBOT = ROOT / "robots" / "nimbro_op2x"
+JUDGED_WITH_SEED = "6000"
+
+
+def fixed(*keys: str):
+    """Sets the keys, ranges of an episode's draws, to one value."""
+    return lambda value: [f"--set={key}=[{value}, {value}]" for key in keys]
+
+
+def latency(milliseconds: float) -> list[str]:
+    return [f"--set=latency.{end}={milliseconds / 1e3}" for end in ("lower", "upper")]
+
+
+def noise(factor: float) -> list[str]:
+    deviations = {"gyro": 1e-4, "accelerometer": 1e-4, "position": 1e-3, "velocity": 1e-3}
+    return [f"--set=noise.{key}={factor * value}" for key, value in deviations.items()]
+
+
+CONDITIONS = {
+    # name: (unit, values, options)
+    "latency": ("ms", (0, 10, 20, 30, 40, 50, 60), latency),
+    "friction": ("", (0.2, 0.3, 0.4, 0.6, 0.8, 1.0), fixed("friction.tangential")),
+    "payload": ("kg", (0, 1, 2, 3), None),
+    "noise": ("times", (1, 10, 30, 100), noise),
+    "motors": ("of their torque", (1.0, 0.8, 0.6, 0.5, 0.4), None),
+}
+
+
+def with_payload(robot: Path, mass: float) -> None:
+    """A ball of `mass` kg and 10 cm radius, fixed to the trunk's frame."""
+    file = robot / "nimbro_op2x.urdf"
+    inertia = 0.4 * max(mass, 1e-6) * 0.1**2
+    parts = (
+        f'<link name="payload"><inertial><mass value="{max(mass, 1e-6)}"/><inertia ixx="{inertia}" ixy="0" ixz="0" '
+        f'iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial></link>\n'
+        '<joint name="payload" type="fixed"><parent link="trunk_link"/><child link="payload"/></joint>\n</robot>'
+    )
+    file.write_text(file.read_text().replace("</robot>", parts))
+
+
+def with_weak_motors(robot: Path, share: float) -> None:
+    """Every torque limit times `share`."""
+    file = robot / "robot.toml"
+    weaker = re.sub(r"(?m)^torque_limit = ([\d.]+)", lambda m: f"torque_limit = {share * float(m[1]):g}", file.read_text())
+    file.write_text(weaker)
+
+
+CHANGES = {"payload": with_payload, "motors": with_weak_motors}
+
+
+def judge(run: Path, name: str, value: float) -> dict:
+    """One row."""
+    with tempfile.TemporaryDirectory() as folder:
+        robot = Path(shutil.copytree(ROBOT, Path(folder) / ROBOT.name))
+        options = ["--episodes", "2", "--seconds", "30", "--seed", JUDGED_WITH_SEED]
+        if name in CHANGES:
+            CHANGES[name](robot, value)
+            options += ["--robot", str(robot)]
+        else:
+            options += CONDITIONS[name][2](value)
+        return {"condition": name, "value": value, **falls_suite(run, Path(folder) / "falls.json", *options)}
+
+
+def picture(table: list[dict]) -> str:
+    """A panel a condition: survival (line) and velocity error (dashed, full height 0.3 m/s)."""
+    width, height, parts = 190, 150, []
+    for k, (name, (unit, values, _)) in enumerate(CONDITIONS.items()):
+        left, found = 40 + k * (width + 30), [row for row in table if row["condition"] == name]
+        low, high = min(values), max(values)
+        points = {"survival": [], "error": []}
+        for row in found:
+            x = left + width * (float(row["value"]) - low) / (high - low)
+            points["survival"].append((x, 1 - int(row["falls"]) / int(row["sequences"])))
+            if row["error_xy_mps"] != "":
+                points["error"].append((x, min(float(row["error_xy_mps"]) / 0.3, 1.0)))
+        parts.append(f'<rect x="{left}" y="20" width="{width}" height="{height}" fill="none" stroke="#888"/>')
+        parts.append(f'<text x="{left}" y="14">{name} {unit}</text>')
+        for x, label in ((left, low), (left + width, high)):
+            parts.append(f'<text x="{x}" y="{height + 36}" text-anchor="middle">{label:g}</text>')
+        for style, line in (("#1f497d", points["survival"]), ('#c0504d" stroke-dasharray="4 3', points["error"])):
+            path = " ".join(f"{x:.1f},{20 + height * (1 - y):.1f}" for x, y in line)
+            parts.append(f'<polyline points="{path}" fill="none" stroke-width="2" stroke="{style}"/>')
+    parts.append(f'<text x="40" y="{height + 56}">line: share that does not fall; dashed: velocity error, top 0.3 m/s</text>')
+    return svg(40 + len(CONDITIONS) * (width + 30), height + 66, parts)
+
+
+def main() -> None:
+    """Parses the command line and judges what is not finished."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("run", type=Path, help="run folder of the policy")
+    parser.add_argument("out", type=Path, help="where table and picture go")
+    arguments = parser.parse_args()
+    table = arguments.out / "sensitivity.csv"
+    for name, (_, values, _) in CONDITIONS.items():
+        for value in values:
+            if not any(row["condition"] == name and float(row["value"]) == value for row in rows(table)):
+                append(table, judge(arguments.run.resolve(), name, value))
+    (arguments.out / "sensitivity.svg").write_text(picture(rows(table)))
+
+
+if __name__ == "__main__":
+    main()
