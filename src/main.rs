@@ -5,7 +5,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use omniwalk::command::{bench, eval, inspect, report, train};
+use omniwalk::command::{bench, eval, excite, inspect, report, train};
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
 #[derive(Parser)]
@@ -20,6 +20,7 @@ enum Command {
     Train(train::Args),
     Eval(eval::Args),
     Inspect(inspect::Args),
+    Excite(excite::Args),
     Bench(bench::Args),
     Report(report::Args),
 }
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         Command::Train(args) => train::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Excite(args) => excite::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Report(args) => report::run(&args),
     };

@@ -215,6 +215,12 @@ fn missing_files_and_folders_without_urdf_are_refused() {
 }
 
 #[test]
+fn a_mass_that_an_exporter_left_beside_the_inertial_is_nothing() {
+    let stray = URDF.replacen("    <collision>", "    <mass>7.5</mass>\n    <collision>", 1);
+    assert_eq!(read(&stray, None).unwrap().mass(), read(URDF, None).unwrap().mass());
+}
+
+#[test]
 fn the_unbroken_robot_loads_with_and_without_toml() {
     let robot = loaded("rig", "rig", None);
     assert_eq!((robot.base, robot.dofs.len(), robot.policy.len()), (Base::Fixed, 2, 2));

@@ -2,7 +2,11 @@
 //!
 //! ```text
 //! MCAP, CSV, JSON --recording--> Recording: what each joint was told and did, each quantity on its own clock
+//!                                   \--check--> figures, remarks, and why no answer may be had from it
+//! robot --excite--> motions to record, as MCAP and CSV
 //! ```
 
+pub mod check;
+pub mod excite;
 pub mod log;
 pub mod recording;

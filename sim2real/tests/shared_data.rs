@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use omniwalk_env::robot::load;
+use omniwalk_sim2real::check::Check;
 use omniwalk_sim2real::recording::{Map, Recording, read};
 
 /// The recordings of a set of logs; `None` without the logs.
@@ -71,4 +73,20 @@ fn the_humanoid_has_a_recording_per_segment_in_radians() {
         .iter()
         .flat_map(|log| &log.joint("l_knee_y").unwrap().position.value);
     assert!((0.5..1.6).contains(&knees.fold(0.0_f64, |largest, value| largest.max(*value))));
+}
+
+#[test]
+fn the_check_finds_the_measured_logs_usable() {
+    let Some(mut logs) = recordings("bam_xl330", "bam_xl330.toml") else {
+        return;
+    };
+    logs.extend(recordings("bam_sts3250", "bam_sts3250.toml").unwrap());
+    let pendulum = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/pendulum")).unwrap();
+    let check = Check::new(&logs, &pendulum);
+    assert!(check.usable(), "{check}");
+    let logs = recordings("poppy", "poppy.toml").unwrap();
+    let shared = PathBuf::from(std::env::var_os("OMNIWALK_SHARED").unwrap());
+    let poppy = load(&shared.join("data/poppy/poppy_humanoid.urdf")).unwrap();
+    let check = Check::new(&logs, &poppy);
+    assert!(check.usable(), "{check}");
 }

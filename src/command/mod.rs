@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod eval;
+pub mod excite;
 pub mod inspect;
 pub mod report;
 pub mod train;

@@ -100,7 +100,7 @@ pub(super) fn check<'a>(
         for element in elements {
             element
                 .descendants()
-                .filter(Node::is_element)
+                .filter(|node| node.is_element() && !is_stray_mass(*node))
                 .try_for_each(|node| check_element(source, node))?;
         }
         check_names(source, tag, elements)?;
@@ -153,6 +153,11 @@ fn check_depth(source: &Source, root: Node) -> Result<(), RobotError> {
             _ => return Ok(()),
         }
     }
+}
+
+/// Exporters leave a `<mass>` of their own in the link, beside the `<inertial>` that counts.
+fn is_stray_mass(node: Node) -> bool {
+    node.has_tag_name("mass") && node.parent().is_some_and(|parent| parent.has_tag_name("link"))
 }
 
 fn check_element(source: &Source, node: Node) -> Result<(), RobotError> {

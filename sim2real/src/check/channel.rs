@@ -1,0 +1,94 @@
+//! One series by itself: rate, jitter, gaps, noise, values it rests at.
+
+use serde::Serialize;
+
+use crate::recording::Series;
+
+/// Intervals this many times the median are gaps.
+const GAP: f64 = 5.0;
+/// Gaps are never shorter, s: schedulers of ordinary systems make such pauses.
+const SHORTEST_GAP: f64 = 0.05;
+/// The median of absolute values of a normal variable, in standard deviations.
+const MEDIAN_OF_NORMAL: f64 = 0.6745;
+
+/// The figures of a series.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Channel {
+    /// Samples.
+    pub samples: usize,
+    /// Samples per second: one over the median interval; 0 with fewer than two.
+    pub rate: f64,
+    /// Spread of the intervals without gaps: standard deviation over mean.
+    pub jitter: f64,
+    /// Longest interval, s.
+    pub longest_gap: f64,
+    /// Share of the time that lies in gaps: intervals of five times the median and at least 50 ms.
+    pub in_gaps: f64,
+    /// Smallest and largest value; none without samples.
+    pub range: Option<[f64; 2]>,
+    /// Smallest difference between consecutive values that differ; 0 if all are equal.
+    pub resolution: f64,
+    /// Standard deviation of noise, from fourth differences; also what quantisation makes.
+    pub noise: f64,
+    /// Largest share of the samples, in runs of at least ten, that rest at the largest or smallest value.
+    pub at_bounds: f64,
+}
+
+impl Channel {
+    /// The figures of `series`.
+    pub fn new(series: &Series) -> Self {
+        let Some(first) = series.value.first() else {
+            return Self::default();
+        };
+        let fold = |range: [f64; 2], value: &f64| [range[0].min(*value), range[1].max(*value)];
+        let range = series.value.iter().fold([*first; 2], fold);
+        let steps = series.value.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let resolution = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+        let intervals: Vec<f64> = series.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let median = median(intervals.clone());
+        let gap = (GAP * median).max(SHORTEST_GAP);
+        let (gaps, regular): (Vec<f64>, Vec<f64>) = intervals.iter().partition(|interval| **interval > gap);
+        Self {
+            samples: series.len(),
+            rate: if median > 0.0 { 1.0 / median } else { 0.0 },
+            jitter: spread(&regular),
+            longest_gap: intervals.iter().fold(0.0, |longest, interval| longest.max(*interval)),
+            in_gaps: gaps.iter().sum::<f64>() / series.span().max(1e-12),
+            range: Some(range),
+            resolution: if resolution.is_finite() { resolution } else { 0.0 },
+            noise: noise(&series.value),
+            at_bounds: range
+                .iter()
+                .fold(0.0, |share, bound| share.max(resting(&series.value, *bound))),
+        }
+    }
+}
+
+/// The middle value; 0 without values.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+fn spread(values: &[f64]) -> f64 {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
+    if mean > 0.0 { variance.sqrt() / mean } else { 0.0 }
+}
+
+/// Fourth differences of white noise have seventy times its variance; motion hardly has any from sample to sample.
+fn noise(values: &[f64]) -> f64 {
+    let fourth = |v: &[f64]| (v[4] - 4.0 * v[3] + 6.0 * v[2] - 4.0 * v[1] + v[0]).abs();
+    median(values.windows(5).map(fourth).collect()) / (MEDIAN_OF_NORMAL * 70_f64.sqrt())
+}
+
+/// Share of the samples in runs of at least ten at `bound`.
+fn resting(values: &[f64], bound: f64) -> f64 {
+    let runs = values.chunk_by(|a, b| a == b);
+    let long = runs.filter(|run| run.len() >= 10 && run[0] == bound);
+    long.map(<[f64]>::len).sum::<usize>() as f64 / values.len().max(1) as f64
+}

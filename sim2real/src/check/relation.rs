@@ -1,0 +1,138 @@
+//! What two series of a joint say of each other.
+
+use serde::Serialize;
+
+use super::channel::median;
+use crate::recording::{CommandKind, JointRecord, Series};
+
+/// Time over which slopes are taken, s: long against quantisation and noise, short against motion.
+const SLOPE_TIME: f64 = 0.05;
+/// Lags that are tried, s: clocks may be off both ways, a servo follows within some hundred milliseconds.
+const LAGS: std::ops::RangeInclusive<i32> = -10..=30;
+/// Step between lags, s.
+const LAG_STEP: f64 = 0.01;
+/// Samples that are compared at most; more say nothing new about sign and unit.
+const MAX_SAMPLES: usize = 4000;
+
+/// How one series goes with another.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Relation {
+    /// Correlation as they are.
+    pub correlation: f64,
+    /// Correlation at the lag where it is largest.
+    pub best_correlation: f64,
+    /// That lag, s: how much later the second series does what the first did.
+    pub lag: f64,
+    /// Standard deviation of the second over that of the first.
+    pub ratio: f64,
+}
+
+/// Position and mean speed over a short time.
+pub(super) struct Slope {
+    pub time: f64,
+    pub position: f64,
+    pub speed: f64,
+}
+
+/// Slopes of a series of positions.
+pub(super) fn slopes(series: &Series) -> Vec<Slope> {
+    let intervals = series.time.windows(2).map(|pair| pair[1] - pair[0]);
+    let interval = median(intervals.collect());
+    let apart = if interval > 0.0 {
+        (SLOPE_TIME / interval).round().max(1.0) as usize
+    } else {
+        1
+    };
+    let slope = |start: usize| {
+        let end = start + apart;
+        let seconds = series.time[end] - series.time[start];
+        // Across a gap it would be no slope.
+        (seconds < 3.0 * apart as f64 * interval).then(|| Slope {
+            time: 0.5 * (series.time[start] + series.time[end]),
+            position: 0.5 * (series.value[start] + series.value[end]),
+            speed: (series.value[end] - series.value[start]) / seconds,
+        })
+    };
+    (0..series.len().saturating_sub(apart)).filter_map(slope).collect()
+}
+
+/// Position against position commands, while the motor is on; `None` where there are none or nothing varies.
+pub(super) fn following(joint: &JointRecord) -> Option<Relation> {
+    if joint.command_kind != CommandKind::Position {
+        return None;
+    }
+    against_command(joint, &joint.command)
+}
+
+/// The joint's position against `command`, which may be another joint's.
+pub(super) fn against_command(joint: &JointRecord, command: &Series) -> Option<Relation> {
+    let on = |time: f64| joint.enabled.held_at(time).is_none_or(|on| *on > 0.0);
+    let stride = joint.position.len().div_ceil(MAX_SAMPLES).max(1);
+    let samples = joint.position.time.iter().zip(&joint.position.value).step_by(stride);
+    let samples: Vec<(f64, f64)> = samples.filter(|(time, _)| on(**time)).map(|(t, p)| (*t, *p)).collect();
+    best_over_lags(&samples, command)
+}
+
+/// The measured velocity against the slope of the position; `None` where one is missing or nothing varies.
+pub(super) fn velocity_to_slope(joint: &JointRecord) -> Option<Relation> {
+    let slopes = slopes(&joint.position);
+    let first = *joint.velocity.time.first()?;
+    let stride = slopes.len().div_ceil(MAX_SAMPLES).max(1);
+    let samples: Vec<(f64, f64)> = slopes
+        .iter()
+        .step_by(stride)
+        .map(|slope| (slope.time, slope.speed))
+        .collect();
+    let known: Vec<(f64, f64)> = samples.into_iter().filter(|(time, _)| *time >= first).collect();
+    // The measured velocity is the second of the two.
+    let relation = best_over_lags(&known, &joint.velocity)?;
+    Some(Relation {
+        ratio: 1.0 / relation.ratio,
+        lag: -relation.lag,
+        ..relation
+    })
+}
+
+/// `samples` (time, value) against what `first` held some lag before.
+fn best_over_lags(samples: &[(f64, f64)], first: &Series) -> Option<Relation> {
+    let at = |lag: f64| correlate(samples, first, lag);
+    let (correlation, ratio) = at(0.0)?;
+    let lags = LAGS.map(|step| f64::from(step) * LAG_STEP);
+    let tried = lags.filter_map(|lag| Some((lag, at(lag)?.0)));
+    let (lag, best_correlation) = tried.fold(
+        (0.0, correlation),
+        |best, tried| if tried.1 > best.1 { tried } else { best },
+    );
+    Some(Relation {
+        correlation,
+        best_correlation,
+        lag,
+        ratio,
+    })
+}
+
+/// Correlation, and ratio of standard deviations; `None` with too few samples or without variation.
+fn correlate(samples: &[(f64, f64)], first: &Series, lag: f64) -> Option<(f64, f64)> {
+    let pairs = samples
+        .iter()
+        .filter_map(|(time, value)| Some((*first.held_at(time - lag)?, *value)));
+    let mut sums = [0.0; 6];
+    for (a, b) in pairs {
+        for (sum, term) in sums.iter_mut().zip([1.0, a, b, a * a, b * b, a * b]) {
+            *sum += term;
+        }
+    }
+    let [count, a, b, aa, bb, ab] = sums;
+    let variance = |square: f64, sum: f64| (square - sum * sum / count) / count;
+    let (of_first, of_second) = (variance(aa, a), variance(bb, b));
+    // Below this share of the squares, what is left is rounding.
+    let varies = |variance: f64, square: f64| variance > 1e-12 * square / count;
+    if count < 10.0 || !varies(of_first, aa) || !varies(of_second, bb) {
+        return None;
+    }
+    let covariance = (ab - a * b / count) / count;
+    Some((
+        covariance / (of_first * of_second).sqrt(),
+        (of_second / of_first).sqrt(),
+    ))
+}

@@ -1,0 +1,209 @@
+//! Logs that cannot carry an answer are refused with a reason; logs that can are not.
+
+use std::path::Path;
+
+use omniwalk_env::robot::{Robot, load};
+
+use super::*;
+use crate::recording::Series;
+
+/// Two hinges, one below the other.
+const ARM: &str = r#"<robot name="arm"><link name="world"/>
+<joint name="shoulder" type="revolute"><parent link="world"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" effort="5" velocity="8"/></joint>
+<link name="upper"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/>
+<inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/><origin xyz="0 0 -0.2"/>
+<limit lower="-2" upper="2" effort="5" velocity="8"/></joint>
+<link name="lower"><inertial><origin xyz="0 0 -0.1"/><mass value="0.3"/>
+<inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"#;
+
+fn arm() -> Robot {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("arm.urdf"), ARM).unwrap();
+    std::fs::write(
+        folder.path().join("robot.toml"),
+        "base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\nkp = 20.0\nkd = 0.5\n",
+    )
+    .unwrap();
+    load(Path::new(folder.path())).unwrap()
+}
+
+/// A series of `value` at 100 Hz for `seconds`.
+fn series(seconds: f64, value: impl Fn(f64) -> f64) -> Series {
+    let time: Vec<f64> = (0..(seconds * 100.0) as usize).map(|i| i as f64 * 0.01).collect();
+    Series {
+        value: time.iter().map(|t| value(*t)).collect(),
+        time,
+    }
+}
+
+/// Noise, evenly between -1 and 1 mrad, that is the same every time.
+fn noise(t: f64) -> f64 {
+    let mut hash = ((t * 1e4).round() as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    hash = (hash ^ (hash >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    1e-3 * ((hash >> 32) as f64 / f64::from(u32::MAX) * 2.0 - 1.0)
+}
+
+fn told(joint: &str, t: f64) -> f64 {
+    let frequency = if joint == "elbow" { 0.83 } else { 0.5 };
+    (std::f64::consts::TAU * frequency * t + 0.1 * t * t).sin()
+}
+
+/// A joint that follows its commands 50 ms later.
+fn joint(name: &str, seconds: f64) -> JointRecord {
+    let did = |t: f64| told(name, t - 0.05);
+    JointRecord {
+        name: name.into(),
+        command: series(seconds, |t| told(name, t)),
+        position: series(seconds, |t| did(t) + noise(t)),
+        velocity: series(seconds, |t| (did(t + 1e-4) - did(t - 1e-4)) / 2e-4),
+        ..JointRecord::default()
+    }
+}
+
+fn good(seconds: f64) -> Recording {
+    Recording {
+        name: "log".into(),
+        joints: vec![joint("shoulder", seconds), joint("elbow", seconds)],
+        ..Recording::default()
+    }
+}
+
+fn scaled(series: &mut Series, factor: f64) {
+    series.value.iter_mut().for_each(|value| *value *= factor);
+}
+
+#[test]
+fn a_good_log_is_usable_and_its_figures_are_right() {
+    let check = Check::new(&[good(6.0)], &arm());
+    assert!(check.usable(), "{check}");
+    let elbow = &check.logs[0].joints[1];
+    assert!((elbow.position.rate - 100.0).abs() < 1e-6 && elbow.position.jitter < 1e-6);
+    let following = elbow.following.unwrap();
+    assert!((following.lag - 0.05).abs() < 0.011 && following.best_correlation > 0.99);
+    assert!((elbow.velocity_to_slope.unwrap().ratio - 1.0).abs() < 0.05);
+    // The noise is uniform between -1 and 1 mrad.
+    assert!(
+        (elbow.position.noise / (1e-3 / 3_f64.sqrt()) - 1.0).abs() < 0.3,
+        "{}",
+        elbow.position.noise
+    );
+    assert!((elbow.excitation.range[1] - 1.0).abs() < 0.01 && elbow.excitation.coverage > 0.1);
+    serde_json::to_string(&check).unwrap();
+}
+
+#[test]
+fn of_twenty_logs_that_carry_nothing_none_is_usable() {
+    type Spoil = (Fault, fn(&mut Recording));
+    let spoiled: [Spoil; 20] = [
+        (Fault::Empty, |log| log.joints.clear()),
+        (Fault::TooShort, |log| *log = good(0.5)),
+        (Fault::TooShort, |log| {
+            for joint in &mut log.joints {
+                *joint = JointRecord {
+                    position: series(0.2, |t| t.sin()),
+                    ..joint.clone()
+                };
+            }
+        }),
+        (Fault::NoExcitation, |log| {
+            for joint in &mut log.joints {
+                joint.command = series(6.0, |_| 0.3);
+                joint.position = series(6.0, |_| 0.29);
+                joint.velocity = series(6.0, |_| 0.0);
+            }
+        }),
+        (Fault::NoExcitation, |log| {
+            for joint in &mut log.joints {
+                joint.command = series(6.0, |_| 0.3);
+                joint.position = series(6.0, |t| 0.29 + noise(t));
+                joint.velocity = Series::default();
+            }
+        }),
+        (Fault::MissingJoint, |log| drop(log.joints.pop())),
+        (Fault::WrongRobot, |log| {
+            log.joints
+                .iter_mut()
+                .for_each(|joint| joint.name = format!("{}_2", joint.name))
+        }),
+        (Fault::Stuck, |log| log.joints[0].position = series(6.0, |_| 0.5)),
+        (Fault::NoMeasurement, |log| log.joints[1].position = Series::default()),
+        (Fault::NoMeasurement, |log| {
+            log.joints
+                .iter_mut()
+                .for_each(|joint| joint.position = Series::default())
+        }),
+        (Fault::NoCommand, |log| log.joints[0].command = Series::default()),
+        (Fault::Units, |log| {
+            for joint in &mut log.joints {
+                scaled(&mut joint.command, 57.3);
+                scaled(&mut joint.position, 57.3);
+                scaled(&mut joint.velocity, 57.3);
+            }
+        }),
+        (Fault::Units, |log| scaled(&mut log.joints[0].command, 57.3)),
+        (Fault::Units, |log| scaled(&mut log.joints[0].velocity, 57.3)),
+        (Fault::SignFlipped, |log| {
+            scaled(&mut log.joints[1].position, -1.0);
+            scaled(&mut log.joints[1].velocity, -1.0);
+        }),
+        (Fault::SignFlipped, |log| scaled(&mut log.joints[1].velocity, -1.0)),
+        (Fault::Swapped, |log| {
+            let (one, other) = log.joints.split_at_mut(1);
+            std::mem::swap(&mut one[0].command, &mut other[0].command);
+        }),
+        (Fault::ClockOffset, |log| {
+            log.joints[0].command.time.iter_mut().for_each(|time| *time += 100.0)
+        }),
+        (Fault::Unrelated, |log| {
+            log.joints[0].position = series(6.0, |t| 300.0 * noise(t))
+        }),
+        (Fault::Gaps, |log| {
+            for joint in &mut log.joints {
+                joint.position.time.iter_mut().skip(300).for_each(|time| *time += 20.0);
+            }
+        }),
+    ];
+    let robot = arm();
+    for (fault, spoil) in spoiled {
+        let mut log = good(6.0);
+        spoil(&mut log);
+        let check = Check::new(&[log], &robot);
+        assert!(
+            check.refusals.iter().any(|finding| finding.fault == fault),
+            "{fault:?} in {check}"
+        );
+        assert!(!check.usable());
+    }
+}
+
+#[test]
+fn positions_a_robot_cannot_have_and_no_logs_at_all_are_refused() {
+    let mut log = good(6.0);
+    log.joints[0].position.value.iter_mut().for_each(|value| *value += 4.0);
+    let check = Check::new(&[log], &arm());
+    assert_eq!(check.refusals[0].fault, Fault::OutOfRange, "{check}");
+    assert!(!Check::new(&[], &arm()).usable());
+}
+
+#[test]
+fn a_motor_that_is_off_need_not_follow_and_what_is_odd_is_noted() {
+    let mut log = good(6.0);
+    let shoulder = &mut log.joints[0];
+    shoulder.enabled = Series {
+        time: vec![0.0],
+        value: vec![0.0],
+    };
+    shoulder.command = Series::default();
+    log.joints[1].velocity = series(6.0, |_| 0.0);
+    log.joints[1].effort = series(6.0, |t| told("elbow", t).clamp(-0.5, 0.5));
+    log.notes.push("another clock".into());
+    log.joints.push(joint("wrist", 6.0));
+    let check = Check::new(&[log], &arm());
+    assert!(check.usable(), "{check}");
+    let faults: Vec<Fault> = check.remarks.iter().map(|finding| finding.fault).collect();
+    for fault in [Fault::Stuck, Fault::Saturated, Fault::Note, Fault::UnknownJoint] {
+        assert!(faults.contains(&fault), "{fault:?} in {check}");
+    }
+}

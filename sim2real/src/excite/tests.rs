@@ -1,0 +1,117 @@
+//! Motions stay within the limits, do what their names say, and are the same every time.
+
+use std::path::{Path, PathBuf};
+
+use omniwalk_env::robot::load;
+
+use super::*;
+use crate::recording;
+
+fn robot(name: &str) -> Robot {
+    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots").join(name)).unwrap()
+}
+
+fn find<'p>(plan: &'p Plan, name: &str) -> &'p Motion {
+    plan.motions.iter().find(|motion| motion.name == name).unwrap()
+}
+
+#[test]
+fn targets_stay_within_position_and_speed_limits_and_come_back() {
+    for name in ["pendulum", "nimbro_op2x_small"] {
+        let robot = robot(name);
+        let plan = Plan::new(&robot);
+        assert!(plan.motions.len() >= 5, "{:?}", plan.notes);
+        for motion in &plan.motions {
+            let (first, last) = (&motion.targets[0], &motion.targets[motion.targets.len() - 1]);
+            for joint in 0..robot.policy.len() {
+                let spec = robot.policy_joint(joint);
+                assert!(
+                    (first[joint] - spec.nominal).abs() < 1e-9 && (last[joint] - spec.nominal).abs() < 1e-6,
+                    "{}",
+                    motion.name
+                );
+                let limit = spec.actuator.unwrap().speed_limit;
+                for pair in motion.targets.windows(2) {
+                    let (lower, upper) = spec.limits;
+                    assert!(
+                        (lower..=upper).contains(&pair[1][joint]),
+                        "{} of {}",
+                        spec.name,
+                        motion.name
+                    );
+                    let speed = (pair[1][joint] - pair[0][joint]).abs() * COMMAND_RATE;
+                    assert!(
+                        speed <= limit || motion.name.starts_with("steps"),
+                        "{} of {}: {speed}",
+                        spec.name,
+                        motion.name
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn each_shape_shows_what_it_is_for() {
+    let robot = robot("pendulum");
+    let plan = Plan::new(&robot);
+    let of = |shape: &str| find(&plan, &format!("{shape}-hinge")).information[0].clone();
+    assert!(of("triangle").slow_share > 0.9, "{:?}", of("triangle"));
+    assert!(of("steps").jump > 0.1 && of("triangle").jump == 0.0);
+    assert!(of("chirp").speed_share > 0.5 && of("chirp").reversals > 10);
+    assert!(of("chirp").inertia_share > 5.0 * of("triangle").inertia_share);
+    // The bar weighs 0.5 kg at 0.15 m, of 4.1 N m: up to 0.36 of the limit between both sides.
+    let load = of("triangle").load_share;
+    assert!((0.2..0.36).contains(&load), "{load}");
+    assert!(plan.seconds() > 60.0);
+}
+
+#[test]
+fn files_are_read_back_and_are_the_same_every_time() {
+    let robot = robot("pendulum");
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    for folder in &folders {
+        write(&Plan::new(&robot), &robot, folder.path()).unwrap();
+    }
+    let read = |folder: usize, file: &str| std::fs::read(folders[folder].path().join(file)).unwrap();
+    for file in ["chirp-hinge.mcap", "chirp-hinge.csv", "motions.json"] {
+        assert_eq!(read(0, file), read(1, file));
+    }
+    let path: PathBuf = folders[0].path().join("chirp-hinge.mcap");
+    let recordings = recording::read(&path, None).unwrap();
+    let plan = Plan::new(&robot);
+    let targets: Vec<f64> = find(&plan, "chirp-hinge")
+        .targets
+        .iter()
+        .map(|targets| targets[0])
+        .collect();
+    assert_eq!(recordings[0].joints[0].command.value, targets);
+    assert_eq!(recordings[0].groups["motion"], "chirp-hinge");
+}
+
+#[test]
+fn links_that_may_overlap_are_kept_apart() {
+    let robot = robot("nimbro_op2x_small");
+    let limits = Limits::new(&robot);
+    let joint = |name: &str| {
+        (0..robot.policy.len())
+            .find(|&i| robot.policy_joint(i).name == name)
+            .unwrap()
+    };
+    // Both legs swing inward, or both outward, as far as the tighter limit.
+    let (left, right) = (joint("left_hip_roll"), joint("right_hip_roll"));
+    let swing = |way: f64| {
+        let nominal = limits.nominal();
+        let targets = (0..200).map(|step| {
+            let mut targets = nominal.clone();
+            targets[left] += way * f64::from(step) * 0.002;
+            targets[right] -= way * f64::from(step) * 0.002;
+            targets
+        });
+        limits.fault(&targets.collect::<Vec<_>>())
+    };
+    let (inward, outward) = (swing(1.0), swing(-1.0));
+    let overlaps = |fault: &Option<String>| fault.as_ref().is_some_and(|why| why.contains("overlap"));
+    assert!(overlaps(&inward) != overlaps(&outward), "{inward:?} {outward:?}");
+}

@@ -1,0 +1,63 @@
+//! `omniwalk excite`.
+
+use std::path::PathBuf;
+
+use omniwalk_sim2real::excite::{Plan, write};
+
+use super::load;
+
+/// Writes motions to record, so that effects can be told apart.
+///
+/// For each joint alone and for all together: slow triangles, staircases, steps, chirps and multisines, within limits of
+/// position, speed and torque, and without overlap of the links that the robot names. The robot hangs on a stand. Each
+/// motion is an MCAP file with /joint_commands and a CSV; motions.json says what each shows of which joint.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// The robot: a folder or a URDF.
+    #[arg(long, value_name = "FILE")]
+    robot: PathBuf,
+    /// Folder for the motions.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When the robot cannot be loaded or has nothing to move, or the files cannot be written.
+pub fn run(args: &Args) -> miette::Result<()> {
+    let robot = load::robot(&args.robot)?;
+    if robot.policy.is_empty() {
+        return Err(omniwalk_env::EnvError::NoPolicyJoints {
+            robot: robot.name.clone(),
+        }
+        .into());
+    }
+    let plan = Plan::new(&robot);
+    write(&plan, &robot, &args.out)?;
+    println!("motion                          joints  reversals  speed  slow   jump  inertia  load");
+    for motion in &plan.motions {
+        let joints = &motion.information;
+        let largest =
+            |value: fn(&omniwalk_sim2real::excite::Information) -> f64| joints.iter().map(value).fold(0.0, f64::max);
+        println!(
+            "{:<32} {:>5} {:>10} {:>5.0} % {:>3.0} % {:>6.3} {:>6.0} % {:>3.0} %",
+            motion.name,
+            joints.len(),
+            joints.iter().map(|joint| joint.reversals).max().unwrap_or(0),
+            100.0 * largest(|joint| joint.speed_share),
+            100.0 * largest(|joint| joint.slow_share),
+            largest(|joint| joint.jump),
+            100.0 * largest(|joint| joint.inertia_share),
+            100.0 * largest(|joint| joint.load_share),
+        );
+    }
+    plan.notes.iter().for_each(|note| println!("note: {note}"));
+    println!(
+        "{} motions, {:.0} s, in {}",
+        plan.motions.len(),
+        plan.seconds(),
+        args.out.display()
+    );
+    Ok(())
+}
