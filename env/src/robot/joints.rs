@@ -12,22 +12,29 @@ use super::{Actuator, Joint, Mimic, Passive};
 const DEFAULT_REACH: f64 = 0.5;
 /// Damping of the same, as time constant `kd / kp`, s.
 const DEFAULT_DAMPING_TIME: f64 = 0.025;
+/// Largest position limit, rad or m, of a joint that the policy moves: single precision, in which it is observed, tells
+/// thousandths of a radian apart up to here. Published files write larger numbers for no limit.
+const LARGEST_LIMIT: f64 = 8192.0;
 
 /// The position of each URDF joint that does not move: fixed ones, locked ones and those that mimic them.
 pub(super) fn held(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Vec<Option<f64>>, RobotError> {
-    for name in settings
-        .joint
-        .iter()
-        .flat_map(|entry| &entry.names)
-        .chain(&settings.locked)
-    {
-        if !urdf
-            .robot
-            .joints
-            .iter()
-            .any(|joint| matches(name.get_ref(), &joint.name))
-        {
+    let joints = &urdf.robot.joints;
+    let found = |name: &Spanned<String>| (0..joints.len()).any(|joint| matches(name.get_ref(), &joints[joint].name));
+    let moving = |name: &Spanned<String>| {
+        (0..joints.len()).any(|joint| urdf.moves(joint) && matches(name.get_ref(), &joints[joint].name))
+    };
+    for name in &settings.locked {
+        if !found(name) {
             return Err(no_joint(name, source, urdf));
+        }
+    }
+    for name in settings.joint.iter().flat_map(|entry| &entry.get_ref().names) {
+        if !found(name) {
+            return Err(no_joint(name, source, urdf));
+        }
+        if !moving(name) {
+            let message = format!("`{}` matches only joints that do not move", name.get_ref());
+            return Err(source.error(name.span(), message, "settings are for joints that turn or slide"));
         }
     }
     Ok((0..urdf.robot.joints.len())
@@ -226,7 +233,7 @@ pub(super) fn policy(
 ) -> Result<Vec<usize>, RobotError> {
     let can_move = |dof: usize| {
         let joint = &joints[dofs[dof]];
-        joint.actuator.is_some() && joint.limits.0.is_finite() && joint.limits.1.is_finite()
+        joint.actuator.is_some() && joint.limits.0.abs().max(joint.limits.1.abs()) <= LARGEST_LIMIT
     };
     let Some(patterns) = &settings.policy else {
         let policy: Vec<usize> = (0..dofs.len()).filter(|&dof| can_move(dof)).collect();
@@ -262,6 +269,15 @@ pub(super) fn policy(
                 return error(
                     format!("policy joint `{}` has no position limits", joint.name),
                     "add limits = [lower, upper] to an entry that matches it",
+                );
+            }
+            if joint.limits.0.abs().max(joint.limits.1.abs()) > LARGEST_LIMIT {
+                return error(
+                    format!(
+                        "policy joint `{}` has limits of {:e} to {:e}",
+                        joint.name, joint.limits.0, joint.limits.1
+                    ),
+                    "add limits = [lower, upper] that it can reach to an entry that matches it",
                 );
             }
             if joint.actuator.is_none() {

@@ -204,29 +204,44 @@ fn set_base(robot: &mut Robot, given: Option<Base>) {
 
 /// Every degree of freedom must move mass: otherwise its acceleration is undefined.
 fn check_masses(robot: &Robot, urdf: &Urdf, tree: &Tree) -> Result<(), RobotError> {
+    let massless = massless(robot);
+    let Some(&first) = massless.first() else { return Ok(()) };
+    let joint = &tree.joints[robot.dofs[first]];
+    let names: Vec<String> = massless
+        .iter()
+        .map(|&dof| format!("\"{}\"", robot.dof(dof).name))
+        .collect();
+    let others = match names.len() {
+        1 => String::new(),
+        n => format!(", nor do {} others", n - 1),
+    };
+    let message = format!("joint `{}` moves no mass or inertia{others}", robot.dof(first).name);
+    let help = format!(
+        "give the links it moves an <inertial>, make it fixed or a mimic, or hold it in robot.toml: locked = [{}]",
+        names.join(", ")
+    );
+    Err(urdf.joint_error(joint.urdf, message, help))
+}
+
+/// Degrees of freedom that move neither mass nor inertia.
+fn massless(robot: &Robot) -> Vec<usize> {
     let mut kinematics = Kinematics::new(robot);
     let (mut rates, zero) = (vec![0.0; robot.dofs.len()], Vector3::zeros());
-    for dof in 0..robot.dofs.len() {
+    let mut inertia = |dof: usize| -> f64 {
         rates.fill(0.0);
         rates[dof] = 1.0;
         kinematics.set_velocity(robot, &zero, &zero, &rates);
-        let inertia: f64 = robot
-            .links
-            .iter()
-            .enumerate()
+        let links = robot.links.iter().enumerate();
+        links
             .map(|(i, link)| {
                 let (pose, angular) = (kinematics.pose(i), kinematics.angular_velocity(i));
                 let velocity = kinematics.velocity_at(i, &(pose * Point3::from(link.inertial.com)));
                 let spin = pose.rotation.inverse() * angular;
                 link.inertial.mass * velocity.norm_squared() + spin.dot(&(link.inertial.inertia * spin))
             })
-            .sum();
-        if inertia < SMALLEST_INERTIA {
-            let joint = &tree.joints[robot.dofs[dof]];
-            let message = format!("joint `{}` moves no mass or inertia", robot.dof(dof).name);
-            let help = "give the links it moves an <inertial>, or make it fixed, locked or a mimic";
-            return Err(urdf.joint_error(joint.urdf, message, help));
-        }
-    }
-    Ok(())
+            .sum()
+    };
+    (0..robot.dofs.len())
+        .filter(|&dof| inertia(dof) < SMALLEST_INERTIA)
+        .collect()
 }

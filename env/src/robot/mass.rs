@@ -8,6 +8,9 @@ use super::Inertial;
 /// before it is taken for an error rather than for rounding.
 const TRIANGLE_TOLERANCE: f64 = 0.1;
 
+/// Smallest mass of a link that has one, kg: a microgram, less than the smallest screw. Frames without mass say 0 or nothing.
+const SMALLEST_MASS: f64 = 1e-9;
+
 /// What is wrong with an inertia.
 pub(super) enum Flaw {
     /// No body has it.
@@ -60,6 +63,12 @@ impl Inertial {
         let (smallest, largest) = (moments.min(), moments.amax());
         if self.mass < 0.0 {
             return Some(Flaw::Impossible(format!("a negative mass of {} kg", self.mass)));
+        }
+        if self.mass > 0.0 && self.mass < SMALLEST_MASS {
+            let mass = self.mass;
+            return Some(Flaw::Impossible(format!(
+                "a mass of {mass:e} kg, which is neither a body's nor 0"
+            )));
         }
         if self.mass == 0.0 && largest > 0.0 {
             return Some(Flaw::Impossible("an inertia but no mass".into()));

@@ -55,7 +55,7 @@ pub(super) struct Settings {
     pub locked: Vec<Spanned<String>>,
     pub policy: Option<Vec<Spanned<String>>>,
     pub overlap_pairs: Vec<[Spanned<String>; 2]>,
-    pub joint: Vec<JointEntry>,
+    pub joint: Vec<Spanned<JointEntry>>,
     pub foot: Vec<FootEntry>,
     pub mirror: Option<Mirror>,
     pub contact: Vec<ContactEntry>,
@@ -131,7 +131,9 @@ impl Settings {
                 "see the robot reference for keys and types",
             )
         })?;
-        settings.joint.iter().try_for_each(|entry| entry.check(source))?;
+        for entry in &settings.joint {
+            entry.get_ref().check(entry.span(), source)?;
+        }
         for foot in &settings.foot {
             let rpy = foot.rpy.iter().map(|rpy| (rpy.span(), &rpy.get_ref()[..]));
             for (span, values) in rpy.chain([(foot.sole.span(), &foot.sole.get_ref()[..])]) {
@@ -176,11 +178,8 @@ impl Settings {
     /// What holds for the joint `name`: of each key the last entry that matches and sets it.
     pub fn joint(&self, name: &str) -> JointEntry {
         let mut merged = JointEntry::default();
-        for entry in self
-            .joint
-            .iter()
-            .filter(|entry| entry.names.iter().any(|pattern| matches(pattern.get_ref(), name)))
-        {
+        let named = |entry: &&JointEntry| entry.names.iter().any(|pattern| matches(pattern.get_ref(), name));
+        for entry in self.joint.iter().map(Spanned::get_ref).filter(named) {
             let JointEntry {
                 names: _,
                 kp,
@@ -214,7 +213,11 @@ impl Settings {
 }
 
 impl JointEntry {
-    fn check(&self, source: &Source) -> Result<(), RobotError> {
+    fn check(&self, at: Range<usize>, source: &Source) -> Result<(), RobotError> {
+        if self.names.is_empty() {
+            let help = "name joints, for example match = [\"*_knee\"], or leave the entry out";
+            return Err(source.error(at, "an entry that matches no joint", help));
+        }
         for (value, lowest, help) in [
             (&self.kp, 0.0, "kp is a stiffness: zero or positive, N m/rad"),
             (&self.kd, 0.0, "kd is a damping: zero or positive, N m s/rad"),

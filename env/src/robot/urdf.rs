@@ -171,8 +171,12 @@ impl Urdf {
     }
 }
 
-/// Lower and upper limit if the text gives either (the other is zero then, as the URDF reference says).
+/// Lower and upper limit if the text gives either (the other is zero then, as the URDF reference says). Those of a
+/// continuous joint mean nothing.
 fn limits(joint: &Element) -> Option<(f64, f64)> {
+    if joint.attribute("type") == Some("continuous") {
+        return None;
+    }
     let limit = joint.children().find(|node| node.has_tag_name("limit"))?;
     let value = |name| limit.attribute(name).map(|text| text.trim().parse().unwrap_or(0.0));
     match (value("lower"), value("upper")) {
