@@ -233,6 +233,10 @@ fn unknown_and_damaged_files_are_refused_with_exit_code_2() {
         "the first column of a run's metrics is `step`",
     );
     assert_refuses(&write("events.out.tfevents.1", &[0; 20]), "a checksum is wrong");
+    assert_refuses(&write("events.out.tfevents.2", b""), "no TensorBoard events");
+    assert_refuses(&write("eval.json", b"{\"policy\": 3}"), "no evaluation");
+    assert_refuses(&write("other.html", b"<!DOCTYPE html>"), "no page of `omniwalk report`");
+    assert_refuses(&write("cut.png", b"\x89PNG\r\n\x1a\n\0\0"), "cut.png: ");
 }
 
 #[test]

@@ -17,7 +17,7 @@ use crate::eval::rollout::Recorder;
 use crate::eval::suites::{ALL, CONDITIONS, Plan, Results, Suite};
 use crate::eval::table;
 use crate::eval::trial::Stage;
-use crate::run::{RunFolder, write_atomic};
+use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
 use crate::train::checkpoint;
 use omniwalk_sim2real::log::LogError;
@@ -203,7 +203,7 @@ impl Loaded {
             suite.seconds,
             args.engine
         );
-        print!("{}", table::to_text(&rows));
+        print!("{}", table::dashed(&table::to_text(&rows)));
         files.iter().for_each(|file| println!("rollout: {}", file.display()));
         result["seconds"] = json!(suite.seconds);
         result["forward"] = json!({ "rows": table::to_json(&rows) });
@@ -230,7 +230,7 @@ impl Loaded {
                 "\n{}, {} conditions\n{}",
                 suite.name(),
                 conditions(nominally),
-                results.text().trim_end()
+                table::dashed(results.text().trim_end())
             );
             miette::Result::<Box<dyn Results>>::Ok(results)
         };
@@ -307,7 +307,7 @@ impl Rollouts {
 impl Watch for Rollouts {
     /// Only now is anything written: robot, configuration and engine fit together.
     fn start(&mut self, batch: &Batch) -> miette::Result<()> {
-        std::fs::create_dir_all(&self.folder)
+        create_folder(&self.folder)
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot create {}", self.folder.display()))?;
         let shared = batch.shared();

@@ -7,7 +7,7 @@ use crate::config::Layers;
 use crate::inspect;
 use crate::settings::DEFAULT;
 
-/// Describes what a robot, run folder, policy, checkpoint, log, configuration, metrics or events file holds.
+/// Describes what a robot, a log, or any file or folder that omniwalk writes holds.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// The file or folder.

@@ -9,7 +9,7 @@ use omniwalk_env::robot::{self, Robot};
 
 use crate::config::{ConfigError, Layers};
 use crate::run::checkpoints::Latest;
-use crate::run::{RunFolder, write_atomic};
+use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
 use crate::train::origin::Source;
 
@@ -45,6 +45,14 @@ pub fn latest(run: &RunFolder) -> miette::Result<Latest> {
 
 /// The run in `folder` as the source of another run's weights.
 pub fn source(folder: &Path) -> miette::Result<Source> {
+    if folder.is_file() {
+        return Err(miette!(
+            help = "give the run folder, such as runs/forward-1: it has the critic and the normaliser's statistics too, \
+                    which a policy file does not hold",
+            "--from takes a run folder; {} is a file",
+            folder.display()
+        ));
+    }
     let run = RunFolder::open(folder)?;
     let (settings, _) = settings(Some(&run.config()), &[])?;
     let latest = latest(&run)?;
@@ -59,7 +67,7 @@ pub fn source(folder: &Path) -> miette::Result<Source> {
 
 /// Copies the files of the robot at `path` into `folder`, so that a run stays what it was.
 pub fn copy_robot(path: &Path, folder: &Path) -> miette::Result<()> {
-    fs::create_dir_all(folder)
+    create_folder(folder)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot create {}", folder.display()))?;
     for file in robot_files(path)? {

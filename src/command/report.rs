@@ -14,7 +14,7 @@ use crate::report::curves::Curves;
 use crate::report::html::{About, page};
 use crate::report::motion::Motion;
 use crate::report::{film, gait, learning};
-use crate::run::{RunFolder, write_atomic};
+use crate::run::{RunFolder, create_folder, files_of, write_atomic};
 
 /// Largest text file of a run that is read, bytes.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Result<()> {
     let html = page(&shown, &about, env!("CARGO_PKG_VERSION"));
 
     let folder = args.out.as_deref().unwrap_or(runs[0].path());
-    fs::create_dir_all(folder)
+    create_folder(folder)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot create {}", folder.display()))?;
     pictures
@@ -79,7 +79,8 @@ fn curves_of(run: &RunFolder, about: &About) -> Result<Curves> {
 
 /// Gait and filmstrip, if there is a rollout.
 fn motion_pictures(run: &RunFolder) -> Result<Vec<(&'static str, Canvas)>> {
-    let logs = logs(&run.rollouts());
+    // Before the first evaluation there is no such folder.
+    let logs = files_of(&run.rollouts(), "mcap").unwrap_or_default();
     if logs.is_empty() {
         return Ok(Vec::new());
     }
@@ -118,17 +119,6 @@ fn evaluation_pictures(run: &RunFolder, about: &About) -> Result<Vec<(&'static s
         .filter(|(_, path)| path.is_file())
         .map(|(name, path)| Ok((name, read(path)?)))
         .collect()
-}
-
-/// The logs in a folder in the order of their names.
-fn logs(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut logs: Vec<PathBuf> = entries
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|e| e == "mcap"))
-        .collect();
-    logs.sort();
-    logs
 }
 
 fn about(run: &RunFolder) -> Result<About> {

@@ -192,5 +192,5 @@ pub fn gait_text<'a>(rows: impl IntoIterator<Item = (String, &'a [Record])>) -> 
             mean(|r| r.effort.asymmetry),
         );
     }
-    out.replace("NaN", "  -")
+    out
 }

@@ -44,6 +44,11 @@ pub fn number(x: f64) -> Value {
     if x.is_finite() { json!(x) } else { Value::Null }
 }
 
+/// A table in which figures nothing was measured for are dashes.
+pub fn dashed(table: &str) -> String {
+    table.replace("NaN", "  -")
+}
+
 /// The rows as a table.
 pub fn to_text(rows: &[Row]) -> String {
     let mut out = String::from(

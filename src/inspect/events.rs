@@ -7,9 +7,9 @@ use super::InspectError;
 use crate::run::events::{EventReader, What};
 
 pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
-    let io = |source| InspectError::Io {
+    let io = |why| InspectError::Io {
         path: path.to_owned(),
-        source,
+        why,
     };
     let mut scalars: BTreeMap<String, (usize, i64, f32)> = BTreeMap::new();
     let mut events = 0;
@@ -24,6 +24,12 @@ pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
             let entry = scalars.entry(value.tag).or_default();
             *entry = (entry.0 + 1, event.step, scalar);
         }
+    }
+    if events == 0 {
+        return Err(InspectError::Damaged {
+            path: path.to_owned(),
+            why: "no TensorBoard events: not even the record that every file of them begins with".to_owned(),
+        });
     }
     let mut text = format!("TensorBoard events: {events} records, {} scalars\n", scalars.len());
     let width = scalars.keys().map(|tag| tag.chars().count()).max().unwrap_or(0);

@@ -10,15 +10,15 @@ use omniwalk_controller::{ActionSpec, FilterSpec, Policy, Spec};
 use super::InspectError;
 
 pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
-    let io = |source| InspectError::Io {
+    let io = |why| InspectError::Io {
         path: path.to_owned(),
-        source,
+        why,
     };
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut bytes))
         .map_err(io)?;
-    let policy = Policy::from_bytes(&bytes).map_err(|error| InspectError::Policy {
+    let policy = Policy::from_bytes(&bytes).map_err(|error| InspectError::Damaged {
         path: path.to_owned(),
         why: error.to_string(),
     })?;

@@ -45,7 +45,10 @@ fn probe(robot: &Arc<Robot>, config: &EnvConfig) -> Result<String, EnvError> {
         posture(&held),
         posture(&yielding)
     );
-    lines += &format!("    contact force over weight     {:.4}\n", held.force_over_weight);
+    lines += &match held.fell_after {
+        None => format!("    contact force over weight     {:.4}\n", held.force_over_weight),
+        Some(_) => "    contact force over weight     not measured, it fell\n".to_owned(),
+    };
     lines += &match mirror_difference(robot, config, MIRROR_SECONDS)? {
         Some(difference) => format!(
             "    mirrored start                differs by {difference:.1e} rad or m from the mirrored motion within \

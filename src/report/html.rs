@@ -43,10 +43,12 @@ pub struct About {
     pub commands: Vec<String>,
 }
 
+/// What every report begins with.
+pub const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>omniwalk report</title>\n";
+
 /// The page with `pictures`, each with its title as PNG, about `runs`, made by version `version` of the program.
 pub fn page(pictures: &[(&str, Vec<u8>)], runs: &[About], version: &str) -> String {
-    let mut out =
-        "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>omniwalk report</title>\n".to_owned();
+    let mut out = HEAD.to_owned();
     let _ = writeln!(
         out,
         "<style>{STYLE}</style>\n<h1>omniwalk report</h1>\n<p>omniwalk {}</p>",

@@ -27,14 +27,14 @@ const ENTRY: &str = "omniwalk";
 #[derive(Debug, Error, Diagnostic)]
 pub enum CheckpointError {
     /// The file system said no.
-    #[error("cannot {action} {}: {source}", .path.display())]
+    #[error("cannot {action} {}: {why}", .path.display())]
     Io {
         /// `read` or `write`.
         action: &'static str,
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: std::io::Error,
+        why: std::io::Error,
     },
     /// The file is not a checkpoint, or is damaged.
     #[error("{} is not a whole checkpoint: {why}", .path.display())]
@@ -144,10 +144,10 @@ impl Checkpoint {
     /// # Errors
     /// [`CheckpointError::Io`].
     pub fn write(&self, path: &Path) -> Result<(), CheckpointError> {
-        let error = |source| CheckpointError::Io {
+        let error = |why| CheckpointError::Io {
             action: "write",
             path: path.to_owned(),
-            source,
+            why,
         };
         let bytes = self.to_bytes().map_err(|why| error(std::io::Error::other(why)))?;
         write_atomic(path, &bytes).map_err(error)
@@ -158,10 +158,10 @@ impl Checkpoint {
     /// # Errors
     /// [`CheckpointError::Io`] or [`CheckpointError::Damaged`].
     pub fn read(path: &Path) -> Result<Self, CheckpointError> {
-        let error = |source| CheckpointError::Io {
+        let error = |why| CheckpointError::Io {
             action: "read",
             path: path.to_owned(),
-            source,
+            why,
         };
         let mut bytes = Vec::new();
         File::open(path)

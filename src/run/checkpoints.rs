@@ -49,10 +49,10 @@ impl Checkpoints {
     /// [`CheckpointError::Io`]; the older checkpoints are then still there.
     pub fn save(&self, checkpoint: &Checkpoint, keep: usize) -> Result<PathBuf, CheckpointError> {
         let path = self.folder.join(format!("step-{:012}.safetensors", checkpoint.step));
-        let io = |path: &Path, source| CheckpointError::Io {
+        let io = |path: &Path, why| CheckpointError::Io {
             action: "write",
             path: path.to_owned(),
-            source,
+            why,
         };
         fs::create_dir_all(&self.folder).map_err(|error| io(&self.folder, error))?;
         checkpoint.write(&path)?;

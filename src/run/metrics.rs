@@ -16,12 +16,12 @@ const MAX_ROW_BYTES: u64 = 1 << 16;
 #[derive(Debug, Error, Diagnostic)]
 pub enum MetricsError {
     /// The file system said no.
-    #[error("cannot use {}: {source}", .path.display())]
+    #[error("cannot use {}: {why}", .path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: io::Error,
+        why: io::Error,
     },
     /// The file has other columns than this run writes.
     #[error("{} has other columns than this run writes", .path.display())]
@@ -59,9 +59,9 @@ impl MetricsWriter {
     /// # Errors
     /// [`MetricsError::Io`], also when the file is already there.
     pub fn create(path: &Path, columns: &[&str]) -> Result<Self, MetricsError> {
-        let io = |source| MetricsError::Io {
+        let io = |why| MetricsError::Io {
             path: path.to_owned(),
-            source,
+            why,
         };
         if path.exists() {
             return Err(io(io::ErrorKind::AlreadyExists.into()));
@@ -80,9 +80,9 @@ impl MetricsWriter {
         if !path.exists() {
             return Self::create(path, columns);
         }
-        let io = |source| MetricsError::Io {
+        let io = |why| MetricsError::Io {
             path: path.to_owned(),
-            source,
+            why,
         };
         let text = fs::read_to_string(path).map_err(io)?;
         let header = header(columns);
@@ -123,9 +123,9 @@ impl MetricsWriter {
     }
 
     fn over(path: &Path, file: io::Result<File>, columns: &[&str]) -> Result<Self, MetricsError> {
-        let file = file.map_err(|source| MetricsError::Io {
+        let file = file.map_err(|why| MetricsError::Io {
             path: path.to_owned(),
-            source,
+            why,
         })?;
         Ok(Self {
             file,
@@ -138,9 +138,9 @@ impl MetricsWriter {
     /// One write a row, so that whoever follows the file sees whole rows.
     fn flush_row(&mut self) -> Result<(), MetricsError> {
         let written = self.file.write_all(self.row.as_bytes());
-        written.map_err(|source| MetricsError::Io {
+        written.map_err(|why| MetricsError::Io {
             path: self.path.clone(),
-            source,
+            why,
         })
     }
 }
@@ -178,9 +178,9 @@ impl Metrics {
     /// # Errors
     /// As [`Metrics::read`].
     pub fn scan(path: &Path, mut each: impl FnMut(&Self)) -> Result<Self, MetricsError> {
-        let io = |source| MetricsError::Io {
+        let io = |why| MetricsError::Io {
             path: path.to_owned(),
-            source,
+            why,
         };
         let mut file = BufReader::new(File::open(path).map_err(io)?);
         let mut metrics = Self::default();

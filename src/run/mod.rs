@@ -55,13 +55,22 @@ pub enum RunError {
     #[error("another omniwalk is training in {}", .0.display())]
     #[diagnostic(help("stop it first, or choose another folder by `--run DIR`"))]
     Busy(PathBuf),
+    /// Nothing can be written there.
+    #[error("cannot write to the run folder {}: {why}", .path.display())]
+    #[diagnostic(help("training writes there: make it writable, or choose another folder by `--run DIR`"))]
+    NotWritable {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        why: io::Error,
+    },
     /// The file system said no.
-    #[error("cannot use {}: {source}", .path.display())]
+    #[error("cannot use {}: {why}", .path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// What the system says.
-        source: io::Error,
+        why: io::Error,
     },
 }
 
@@ -79,11 +88,11 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`RunError::Exists`] when the folder already holds a run, [`RunError::Taken`], [`RunError::Busy`],
-    /// [`RunError::Io`].
+    /// [`RunError::NotWritable`], [`RunError::Io`].
     pub fn prepare(path: &Path) -> Result<Self, RunError> {
-        let io = |source| RunError::Io {
+        let io = |why| RunError::Io {
             path: path.to_owned(),
-            source,
+            why,
         };
         let run = Self {
             path: path.to_owned(),
@@ -104,7 +113,10 @@ impl RunFolder {
                 name,
             });
         }
-        fs::create_dir_all(path).map_err(io)?;
+        create_folder(path).map_err(|why| RunError::NotWritable {
+            path: path.to_owned(),
+            why,
+        })?;
         let lock = Some(lock(path)?);
         for name in rest {
             fs::remove_dir_all(path.join(name)).map_err(io)?;
@@ -119,7 +131,7 @@ impl RunFolder {
     /// [`RunError::Io`].
     pub fn begin(&self, config: &str) -> Result<(), RunError> {
         let path = self.config();
-        write_atomic(&path, config.as_bytes()).map_err(|source| RunError::Io { path, source })
+        write_atomic(&path, config.as_bytes()).map_err(|why| RunError::Io { path, why })
     }
 
     /// [`RunFolder::prepare`] and [`RunFolder::begin`], for a run without anything else.
@@ -135,7 +147,7 @@ impl RunFolder {
     /// Goes on writing to the run in `path`.
     ///
     /// # Errors
-    /// [`RunError::NoRun`], [`RunError::Busy`], [`RunError::Io`].
+    /// [`RunError::NoRun`], [`RunError::Busy`], [`RunError::NotWritable`], [`RunError::Io`].
     pub fn resume(path: &Path) -> Result<Self, RunError> {
         Self::open(path)?;
         Ok(Self {
@@ -194,20 +206,47 @@ impl RunFolder {
     }
 }
 
+/// Creates the folder `path` and those above it.
+///
+/// # Errors
+/// Whatever the file system says; a file in the way is named.
+pub fn create_folder(path: &Path) -> io::Result<()> {
+    fs::create_dir_all(path).map_err(|error| match path.ancestors().find(|ancestor| ancestor.is_file()) {
+        Some(file) => io::Error::new(error.kind(), format!("{} is a file, not a folder", file.display())),
+        None => error,
+    })
+}
+
+/// The files of a folder that have this extension, in the order of their names.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn files_of(folder: &Path, extension: &str) -> io::Result<Vec<PathBuf>> {
+    let paths = fs::read_dir(folder)?.flatten().map(|entry| entry.path());
+    let mut files: Vec<PathBuf> = paths
+        .filter(|path| path.extension().is_some_and(|own| own == extension))
+        .collect();
+    files.sort();
+    Ok(files)
+}
+
 /// Name of the file that is locked while a process trains.
 const LOCK: &str = ".lock";
 
 fn lock(path: &Path) -> Result<File, RunError> {
     let file = path.join(LOCK);
-    let io = |source| RunError::Io {
+    let io = |why| RunError::Io {
         path: file.clone(),
-        source,
+        why,
     };
-    let handle = File::create(&file).map_err(io)?;
+    let handle = File::create(&file).map_err(|why| RunError::NotWritable {
+        path: path.to_owned(),
+        why,
+    })?;
     match handle.try_lock() {
         Ok(()) => Ok(handle),
         Err(TryLockError::WouldBlock) => Err(RunError::Busy(path.to_owned())),
-        Err(TryLockError::Error(source)) => Err(io(source)),
+        Err(TryLockError::Error(why)) => Err(io(why)),
     }
 }
 

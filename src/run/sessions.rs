@@ -15,12 +15,12 @@ use super::atomic::write_atomic;
 #[derive(Debug, Error, Diagnostic)]
 pub enum SessionsError {
     /// The file system said no.
-    #[error("cannot use {}: {source}", .path.display())]
+    #[error("cannot use {}: {why}", .path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: io::Error,
+        why: io::Error,
     },
     /// The file is not what training wrote.
     #[error("{} is damaged: {why}", .path.display())]
@@ -108,10 +108,10 @@ impl Sessions {
                 why: error.message().to_owned(),
             })?,
             Err(error) if error.kind() == io::ErrorKind::NotFound => Record::default(),
-            Err(source) => {
+            Err(why) => {
                 return Err(SessionsError::Io {
                     path: path.to_owned(),
-                    source,
+                    why,
                 });
             }
         };
@@ -148,9 +148,9 @@ impl Sessions {
     }
 
     fn write(&self) -> Result<(), SessionsError> {
-        let io = |source| SessionsError::Io {
+        let io = |why| SessionsError::Io {
             path: self.path.clone(),
-            source,
+            why,
         };
         let text = toml::to_string(&self.all).map_err(|error| io(io::Error::other(error)))?;
         write_atomic(&self.path, text.as_bytes()).map_err(io)

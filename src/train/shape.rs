@@ -36,12 +36,12 @@ pub struct Shape(BTreeMap<String, Value>);
 #[derive(Debug, Error, Diagnostic)]
 pub enum ShapeError {
     /// A file of the robot cannot be read.
-    #[error("cannot read {}: {source}", .path.display())]
+    #[error("cannot read {}: {why}", .path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: io::Error,
+        why: io::Error,
     },
     /// The run was trained with other settings.
     #[error("the run was trained with other settings than its folder holds now: {}", .0.join("; "))]
@@ -68,7 +68,7 @@ impl Shape {
             Some(level) => values.insert("engine.simd".into(), level.into()),
             None => values.remove("engine.simd"),
         };
-        files(robot, &mut values).map_err(|(path, source)| ShapeError::Io { path, source })?;
+        files(robot, &mut values).map_err(|(path, why)| ShapeError::Io { path, why })?;
         Ok(Self(values))
     }
 

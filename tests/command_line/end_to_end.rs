@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::support::{GAIT, robot, succeeds, tiny};
+use super::support::{GAIT, contents, robot, succeeds, tiny};
 use serde_json::Value;
 
 #[track_caller]
@@ -151,6 +151,28 @@ fn files(folder: &Path) {
         "mirrored start",
     ];
     inspects(folder, "run/robot", &standing);
+    inspects(folder, "run/checkpoints", &["step 600: whole"]);
+    inspects(
+        folder,
+        "run/rollouts",
+        &["rollouts: 2", "eval_0.40_0.00_0.00.mcap: log: 3.000 s"],
+    );
+    inspects(
+        folder,
+        "run/eval.json",
+        &[
+            "evaluation of run after 600 steps",
+            "engine rapier, nominal conditions, seed 3",
+            "forward: 2 rows",
+        ],
+    );
+    succeeds(folder, &["report", "run"]);
+    inspects(folder, "run/learning.png", &["picture: ", " pixels"]);
+    inspects(folder, "run/report.html", &["report: ", "with 3 pictures"]);
+    for path in contents(&folder.join("run")).into_keys() {
+        succeeds(folder, &["inspect", &path.display().to_string()]);
+    }
+    succeeds(folder, &["inspect", "run/.lock"]);
 }
 
 #[test]
