@@ -71,13 +71,18 @@ pub struct EvalSection {
 }
 
 impl Settings {
-    fn invalid_train(&self) -> Vec<(&'static str, String)> {
+    fn invalid_program(&self) -> Vec<(&'static str, String)> {
         let mut found = Vec::new();
         let mut require = |holds: bool, key: &'static str, right: &str| {
             if !holds {
                 found.push((key, right.to_string()));
             }
         };
+        require(
+            !self.robot.path.as_os_str().is_empty(),
+            "robot.path",
+            "the path of a robot folder or a .urdf file",
+        );
         let t = &self.train;
         // A world of rapier takes half a megabyte.
         require((1..=8192).contains(&t.environments), "train.environments", "1 to 8192");
@@ -157,7 +162,7 @@ impl Configuration for Settings {
             );
             found.push(("curriculum.core", message));
         }
-        found.extend(self.invalid_train());
+        found.extend(self.invalid_program());
         let mut found: Vec<Invalid> = found
             .into_iter()
             .map(|(key, right)| Invalid {

@@ -40,16 +40,16 @@ pub struct Args {
     #[arg(long, value_name = "RUN")]
     from: Option<PathBuf>,
     /// Seed of everything random.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     /// Threads; the result does not depend on their number [default: all cores].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Physics engine.
     #[arg(long, value_parser = ["rapier", "lanes"])]
     engine: Option<String>,
     /// Total number of control steps; training ends with the first update that reaches it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     steps: Option<u64>,
     /// Changes a single value, for example --set reward.velocity_kernel=9.
     #[arg(long, value_name = "KEY=VALUE")]
@@ -74,12 +74,12 @@ pub fn run(args: &Args) -> miette::Result<()> {
             .into_diagnostic()?;
     }
     let stop = interrupt()?;
-    let mut session = if args.resume {
+    let session = if args.resume {
         Session::resume(args)?
     } else {
-        Session::start(args)?
+        Some(Session::start(args)?)
     };
-    session.train(args, &stop)
+    session.map_or(Ok(()), |mut session| session.train(args, &stop))
 }
 
 /// A run on disk and in memory.
@@ -144,7 +144,8 @@ impl Session {
         })
     }
 
-    fn resume(args: &Args) -> miette::Result<Self> {
+    /// The run where it stopped; nothing where there is nothing left to do.
+    fn resume(args: &Args) -> miette::Result<Option<Self>> {
         let folder = args.run.clone().ok_or_else(|| {
             miette!(
                 help = "for example: omniwalk train --resume --run runs/default-1",
@@ -163,13 +164,28 @@ impl Session {
         }
         let trainer = checkpoint::restore(&latest.checkpoint, &settings, robot).wrap_err_with(cannot)?;
         let step = trainer.progress().steps;
+        if step >= settings.train.steps {
+            println!(
+                "nothing to do: {} has done {step} of {} steps",
+                folder.display(),
+                settings.train.steps
+            );
+            advise(&folder, true);
+            return Ok(None);
+        }
         let mut sessions = Sessions::open(&run.sessions())?;
+        if step > 0 && !run.metrics().exists() {
+            eprintln!(
+                "warning: {} is gone: it begins anew, the curves before step {step} are lost",
+                run.metrics().display()
+            );
+        }
         let metrics = MetricsWriter::resume(&run.metrics(), &metrics::NAMES, step)?;
         sessions.push(session(&settings, step, None))?;
         if args.steps.is_some() {
             run.begin(&text)?;
         }
-        Ok(Self {
+        Ok(Some(Self {
             checkpoints: run.checkpoints(),
             metrics,
             events: EventWriter::create(&folder, Some(step)).into_diagnostic()?,
@@ -180,7 +196,7 @@ impl Session {
             trainer,
             folder,
             _run: run,
-        })
+        }))
     }
 
     fn train(&mut self, args: &Args, stop: &AtomicBool) -> miette::Result<()> {
@@ -233,7 +249,6 @@ impl Session {
 
     fn conclude(&self, path: &Path) {
         let progress = self.trainer.progress();
-        let folder = self.folder.display();
         println!(
             "{} of {} steps in {:.1} minutes; checkpoint {}",
             progress.steps,
@@ -241,13 +256,19 @@ impl Session {
             progress.seconds / 60.0,
             path.display()
         );
-        if progress.steps < self.settings.train.steps {
-            println!("go on:  omniwalk train --resume --run {folder}");
-        } else {
-            println!("extend: omniwalk train --resume --run {folder} --steps N");
-        }
-        println!("judge:  omniwalk eval {folder}");
+        advise(&self.folder, progress.steps >= self.settings.train.steps);
     }
+}
+
+/// Says what can be done with the run in `folder` next.
+fn advise(folder: &Path, finished: bool) {
+    let folder = folder.display();
+    if finished {
+        println!("extend: omniwalk train --resume --run {folder} --steps N");
+    } else {
+        println!("go on:  omniwalk train --resume --run {folder}");
+    }
+    println!("judge:  omniwalk eval {folder}");
 }
 
 /// What the record says of this process, which trains on from `step`.

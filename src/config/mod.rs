@@ -146,10 +146,14 @@ impl Layers {
             name: "--set".to_owned(),
             text: argument.to_owned(),
         };
-        let node = parse_change(argument, self.sources.len()).map_err(|error| {
-            source
+        let node = parse_change(argument, self.sources.len()).map_err(|error| match argument.split_once('=') {
+            Some((key, _)) if error.span.start > key.len() => {
+                let message = format!("the value of `{}` cannot be used", key.trim());
+                source.error(message, error.span, &error.message)
+            }
+            _ => source
                 .error("`--set` takes key=value", error.span, &error.message)
-                .with_help("for example `--set ppo.epochs=5` or `--set train.name=first`")
+                .with_help("for example `--set ppo.epochs=5` or `--set train.name=first`"),
         })?;
         self.sources.push(source);
         self.merged.overlay(node);
@@ -298,12 +302,20 @@ fn parse_change(argument: &str, layer: usize) -> Result<Node, SyntaxError> {
             span: 0..argument.len(),
         });
     }
+    let end = argument.trim_end().len();
+    let span = end - value.len()..end;
+    // Not a number, however it is spelt, is no word either.
+    if value.parse::<f64>().is_ok_and(f64::is_nan) {
+        return Err(SyntaxError {
+            message: "this is not a number".to_owned(),
+            span,
+        });
+    }
     let is_word = !value.is_empty() && !value.contains(['"', '\'', '[', ']', '{', '}', '\n', '#']);
     match whole {
         Err(_) if is_word => {
             let mut node = Node::parse(&format!("{key}=0"), layer)?;
-            let end = argument.trim_end().len();
-            replace_leaf(&mut node, value, end - value.len()..end);
+            replace_leaf(&mut node, value, span);
             Ok(node)
         }
         other => other,

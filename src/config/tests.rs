@@ -311,17 +311,20 @@ fn broken_toml_is_shown_with_its_line() {
 
 #[test]
 fn a_broken_set_shows_the_argument() {
-    for argument in [
-        "ppo.epochs",
-        "=3",
-        "ppo..epochs=3",
-        "ppo.hidden=[1",
-        "train.seed=1\nppo.epochs=2",
-        "",
-    ] {
+    for argument in ["ppo.epochs", "=3", "ppo..epochs=3", "train.seed=1\nppo.epochs=2", ""] {
         assert_says(
             &report(layers().set(argument)),
             &["`--set` takes key=value", "--set:1:"],
+        );
+    }
+    for (argument, key) in [
+        ("ppo.hidden=[1", "ppo.hidden"),
+        ("ppo.discount = nan", "ppo.discount"),
+        ("train.seed=NaN", "train.seed"),
+    ] {
+        assert_says(
+            &report(layers().set(argument)),
+            &[&format!("the value of `{key}` cannot be used"), "--set:1:"],
         );
     }
     assert_says(

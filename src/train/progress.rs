@@ -113,6 +113,7 @@ fn line(figure: &impl Fn(&str) -> f64, left: Duration) -> String {
         figure("curriculum/foot_factor"),
         minutes(left),
     )
+    .replace("NaN", "-")
 }
 
 fn minutes(time: Duration) -> String {

@@ -2,28 +2,9 @@
 //! nothing is written.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
+use std::path::Path;
 
-use super::support::{contents, copy, omniwalk, robot, succeeds, tiny};
-use tempfile::TempDir;
-
-/// Runs `omniwalk` in a folder that `prepare` has filled, beside `tiny.toml`.
-#[track_caller]
-fn refuses_in(prepare: impl FnOnce(&Path), arguments: &[&str], parts: &[&str]) {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
-    prepare(folder.path());
-    let before = contents(folder.path());
-    let output = omniwalk(folder.path(), arguments);
-    let message = output.message();
-    assert_eq!((output.code, output.out.as_str()), (2, ""), "{message}");
-    for part in parts {
-        assert!(message.contains(part), "{part:?} is not in\n{message}");
-    }
-    assert!(!message.contains("panicked"), "{message}");
-    assert!(contents(folder.path()) == before, "something was written");
-}
+use super::support::{copy, refuses_in, robot};
 
 /// `train` with `text` as its configuration.
 #[track_caller]
@@ -70,56 +51,6 @@ fn a_robot_toml_that_is_a_folder_is_refused() {
     let train = ["train", "tiny.toml", "--run", "run", "--set", "robot.path=robot"];
     refuses_in(write, &train, &["robot.toml"]);
 }
-
-/// A finished run, trained once.
-static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
-    succeeds(
-        folder.path(),
-        &[
-            "train",
-            "tiny.toml",
-            "--run",
-            "run",
-            "--quiet",
-            "--set",
-            "train.checkpoint_minutes=1e-9",
-        ],
-    );
-    let run = folder.path().join("run");
-    (folder, run)
-});
-
-/// A command on a copy of a finished run that `damage` has changed.
-#[track_caller]
-fn refuses_run(damage: impl FnOnce(&Path), arguments: &[&str], parts: &[&str]) {
-    let prepare = |folder: &Path| {
-        copy(&RUN.1, &folder.join("run"));
-        damage(&folder.join("run"));
-    };
-    refuses_in(prepare, arguments, parts);
-}
-
-fn checkpoints(run: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(run.join("checkpoints")).unwrap();
-    let mut files: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
-    files.sort();
-    files
-}
-
-fn cut(file: &Path) {
-    let bytes = fs::read(file).unwrap();
-    fs::write(file, &bytes[..bytes.len() / 2]).unwrap();
-}
-
-fn replace(file: &Path, from: &str, to: &str) {
-    let text = fs::read_to_string(file).unwrap();
-    assert!(text.contains(from), "{from:?} is not in {}", file.display());
-    fs::write(file, text.replacen(from, to, 1)).unwrap();
-}
-
-const RESUME: &[&str] = &["train", "--resume", "--run", "run", "--steps", "960"];
 
 /// One test for each wrong configuration file.
 macro_rules! config_refused {
@@ -179,20 +110,45 @@ set_refused! {
     a_block_given_twice: "observation.blocks=[\"gyro\", \"gyro\"]", ["`observation.blocks` must be a list with each block at most once"];
     a_pose_joint_that_does_not_exist: "reward.pose_joints=[\"left_tail\"]", ["reward.pose_joints", "no policy joint matches `left_tail`", "left_hip_yaw"];
     a_robot_that_does_not_exist: "robot.path=nowhere", ["nowhere: does not exist"];
+    a_robot_without_a_path: "robot.path=\"\"", ["`robot.path` must be the path of a robot folder", "--set:1:12"];
+    a_change_to_nan: "ppo.lambda=nan", ["the value of `ppo.lambda` cannot be used", "this is not a number", "--set:1:12"];
+    a_nan_in_a_list: "command.lower=[nan, 0.0, 0.0]", ["the value of `command.lower` cannot be used", "this is not a number", "--set:1:16"];
     a_robot_folder_without_urdf: "robot.path=.", ["holds 0 .urdf files"];
 }
 
 robot_refused! {
     xml_that_is_broken: "nimbro_op2x.urdf", "</robot>" => "", ["nimbro_op2x.urdf:", "not XML"];
     a_loop_of_links: "nimbro_op2x.urdf", "<child link=\"left_hip_roll_link\"/>" => "<child link=\"base_link\"/>", ["nimbro_op2x.urdf:"];
-    a_moving_link_without_mass: "nimbro_op2x.urdf", "</robot>" => "<link name=\"antenna\"/><joint name=\"wag\" type=\"continuous\"><parent link=\"left_hip_yaw_link\"/><child link=\"antenna\"/><axis xyz=\"0 0 1\"/></joint></robot>", ["nimbro_op2x.urdf:", "no mass or inertia"];
+    a_moving_link_without_mass: "nimbro_op2x.urdf", "</robot>" => "<link name=\"antenna\"/><joint name=\"wag\" type=\"continuous\"><parent link=\"left_hip_yaw_link\"/><child link=\"antenna\"/><axis xyz=\"0 0 1\"/></joint></robot>", ["nimbro_op2x.urdf:", "no mass or inertia", "locked = [\"wag\"]"];
     a_revolute_joint_without_limits: "nimbro_op2x.urdf", "<limit " => "<unlimited ", ["nimbro_op2x.urdf:", "no position limits"];
     a_nan_in_the_urdf: "nimbro_op2x.urdf", "<mass value=\"" => "<mass value=\"NaN\" was=\"", ["nimbro_op2x.urdf:", "not finite"];
     a_mimic_of_an_unknown_joint: "nimbro_op2x.urdf", "<mimic joint=\"" => "<mimic joint=\"no_", ["nimbro_op2x.urdf:", "does not exist"];
     a_joint_name_given_twice: "nimbro_op2x.urdf", "<joint name=\"left_hip_roll\"" => "<joint name=\"left_hip_yaw\"", ["nimbro_op2x.urdf:", "two <joint>"];
     an_unknown_joint_in_the_toml: "robot.toml", "\"*_hip_yaw\"" => "\"*_hip_yawn\"", ["robot.toml:", "no joint matches `*_hip_yawn`"];
     an_unknown_key_in_the_toml: "robot.toml", "armature" => "armatur", ["robot.toml:", "armatur"];
+    a_joint_entry_without_joints: "robot.toml", "match = [\"*_hip_yaw\"]" => "match = []", ["robot.toml:22:1", "matches no joint"];
+    a_joint_entry_for_a_fixed_joint: "nimbro_op2x.urdf", "<joint name=\"left_shoulder_roll\" type=\"revolute\"" => "<joint name=\"left_shoulder_roll\" type=\"fixed\"", ["robot.toml:", "`left_shoulder_roll` matches only joints that do not move"];
+    a_mass_of_nothing: "nimbro_op2x.urdf", "<mass value=\"0.315\"" => "<mass value=\"1e-300\"", ["nimbro_op2x.urdf:", "a mass of 1e-300 kg"];
+    a_limit_beyond_the_world: "nimbro_op2x.urdf", "lower=\"-0.8\" upper=\"0.8\"" => "lower=\"-1e30\" upper=\"1e30\"", ["robot.toml:", "has limits of", "1e30"];
+    a_policy_joint_that_turns_without_end: "nimbro_op2x.urdf", "<joint name=\"left_hip_yaw\" type=\"revolute\"" => "<joint name=\"left_hip_yaw\" type=\"continuous\"", ["robot.toml:", "`left_hip_yaw` has no position limits", "limits ="];
     a_negative_gain: "robot.toml", "kp = 400.0" => "kp = -400.0", ["robot.toml:", "impossible value"];
+}
+
+#[test]
+fn a_file_where_a_folder_is_needed() {
+    let file = |folder: &Path| fs::write(folder.join("file"), "").unwrap();
+    for run in ["file", "file/run"] {
+        refuses_in(
+            file,
+            &["train", "tiny.toml", "--run", run, "--quiet"],
+            &["file is a file, not a folder", "--run DIR"],
+        );
+    }
+    refuses_in(
+        |folder| fs::write(folder.join("policy.omni"), "").unwrap(),
+        &["train", "tiny.toml", "--run", "run", "--from", "policy.omni"],
+        &["--from takes a run folder; policy.omni is a file", "runs/forward-1"],
+    );
 }
 
 #[test]
@@ -279,146 +235,4 @@ fn mirroring_a_robot_without_a_mirror_map() {
         &arguments,
         &["train.mirror", "no left-right mirror map", "train.mirror = false"],
     );
-}
-
-#[test]
-fn a_run_folder_that_holds_a_run() {
-    refuses_run(
-        |_| (),
-        &["train", "tiny.toml", "--run", "run"],
-        &["run already holds a run", "--resume"],
-    );
-}
-
-#[test]
-fn a_run_that_cannot_be_resumed() {
-    let without_checkpoints = |run: &Path| fs::remove_dir_all(run.join("checkpoints")).unwrap();
-    refuses_run(
-        without_checkpoints,
-        RESUME,
-        &["run holds no checkpoint yet", "another folder"],
-    );
-    let damaged = |run: &Path| checkpoints(run).iter().for_each(|file| cut(file));
-    refuses_run(damaged, RESUME, &["is not a whole checkpoint"]);
-    let empty = |run: &Path| fs::remove_file(run.join("config.toml")).unwrap();
-    refuses_run(empty, RESUME, &["run holds no run", "config.toml"]);
-    let config = |run: &Path| fs::write(run.join("config.toml"), "[ppo]\nepoch = 3\n").unwrap();
-    refuses_run(config, RESUME, &["unknown key `ppo.epoch`", "config.toml:2:1"]);
-    let columns = |run: &Path| fs::write(run.join("metrics.csv"), "step,return\n").unwrap();
-    refuses_run(columns, RESUME, &["metrics.csv"]);
-    let other_robot = |run: &Path| {
-        fs::remove_dir_all(run.join("robot")).unwrap();
-        copy(&robot("pendulum"), &run.join("robot"));
-    };
-    refuses_run(
-        other_robot,
-        RESUME,
-        &[
-            "cannot go on from",
-            "robot/nimbro_op2x.urdf was",
-            "robot/pendulum.urdf was added",
-        ],
-    );
-}
-
-#[test]
-fn a_run_whose_settings_were_edited() {
-    let edits = [
-        (
-            "hidden = [16, 16]",
-            "hidden = [32, 16]",
-            "ppo.hidden was [16,16] and is [32,16]",
-        ),
-        ("gamma = 0.99", "gamma = 0.95", "ppo.gamma was 0.99 and is 0.95"),
-        ("zeta = 400.0", "zeta = 40.0", "curriculum.zeta was 400.0 and is 40.0"),
-        (
-            "kind = \"lanes\"",
-            "kind = \"rapier\"",
-            "engine.kind was \"lanes\" and is \"rapier\"",
-        ),
-    ];
-    for (from, to, message) in edits {
-        let edit = |run: &Path| replace(&run.join("config.toml"), from, to);
-        refuses_run(
-            edit,
-            RESUME,
-            &["cannot go on from", message, "undo the change", "--from RUN"],
-        );
-    }
-    let robot = |run: &Path| {
-        let path = run.join("robot/robot.toml");
-        let text = fs::read_to_string(&path).unwrap();
-        fs::write(path, text + "# Edited.\n").unwrap();
-    };
-    refuses_run(robot, RESUME, &["robot/robot.toml was edited"]);
-}
-
-#[test]
-fn weights_that_do_not_fit() {
-    let start = ["train", "tiny.toml", "--run", "other", "--from", "run"];
-    let refuses = |change: &str, parts: &[&str]| refuses_run(|_| (), &[&start[..], &["--set", change]].concat(), parts);
-    let fit = "the networks of run do not fit this configuration";
-    refuses("ppo.hidden=[32]", &[fit, "ppo.hidden is [16,16] there and [32] here"]);
-    refuses("action.scale=0.5", &[fit, "action.scale is 0.7 there and 0.5 here"]);
-    refuses(
-        "clock.symmetric=false",
-        &[fit, "clock.symmetric is true there and false here"],
-    );
-    refuses_in(|_| (), &start, &["run holds no run"]);
-    refuses_run(
-        |_| (),
-        &["train", "--resume", "--run", "run", "--from", "run"],
-        &["cannot be used with"],
-    );
-}
-
-#[test]
-fn an_evaluation_that_does_not_fit() {
-    let pendulum = robot("pendulum").display().to_string();
-    refuses_run(|_| (), &["eval", "run", "--robot", &pendulum], &["does not fit"]);
-    refuses_run(
-        |_| (),
-        &["eval", "run", "--episodes", "0"],
-        &["`eval.episodes` must be at least 1"],
-    );
-    refuses_run(
-        |_| (),
-        &["eval", "run", "--seconds", "nan"],
-        &["eval.seconds", "number"],
-    );
-    refuses_run(
-        |_| (),
-        &["eval", "run", "--seconds", "0.01"],
-        &["`eval.seconds` must be"],
-    );
-    refuses_run(
-        |_| (),
-        &["eval", "run", "--set", "eval.commands=[[2.0, 0.0, 0.0]]"],
-        &["`eval.commands`", "[2.0, 0.0, 0.0]", "bounds"],
-    );
-    let damaged = |run: &Path| checkpoints(run).iter().for_each(|file| cut(file));
-    refuses_run(damaged, &["eval", "run"], &["is not a whole checkpoint"]);
-}
-
-#[test]
-fn a_damaged_newest_checkpoint_is_skipped_with_a_warning() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = folder.path().join("run");
-    copy(&RUN.1, &run);
-    let files = checkpoints(&run);
-    assert_eq!(files.len(), 3);
-    cut(files.last().unwrap());
-    let output = succeeds(folder.path(), &["eval", "run", "--seconds", "0.1"]);
-    assert!(output.message().contains("warning:") && output.message().contains("is not a whole checkpoint"));
-    assert!(output.out.contains("run after 360 steps"), "{}", output.out);
-    let output = succeeds(folder.path(), RESUME);
-    assert!(output.message().contains("is not a whole checkpoint"));
-    assert!(output.out.contains("960 of 960 steps"), "{}", output.out);
-    let metrics = fs::read_to_string(run.join("metrics.csv")).unwrap();
-    let steps: Vec<_> = metrics
-        .lines()
-        .skip(1)
-        .map(|row| row.split(',').next().unwrap())
-        .collect();
-    assert_eq!(steps, ["120", "240", "360", "480", "600", "720", "840", "960"]);
 }

@@ -155,7 +155,7 @@ fn files(folder: &Path) {
     inspects(
         folder,
         "run/rollouts",
-        &["rollouts: 2", "eval_0.40_0.00_0.00.mcap: log: 3.000 s"],
+        &["rollouts: 2", "eval_0.40_0.00_0.00.mcap: log: "],
     );
     inspects(
         folder,

@@ -1,6 +1,7 @@
 //! omniwalk through its command line, as a user runs it.
 
 mod bad_input;
+mod bad_run;
 mod determinism;
 mod end_to_end;
 mod run_folder;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::support::{omniwalk, state, succeeds, tiny};
+use super::support::{contents, omniwalk, state, succeeds, tiny};
 use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::checkpoints::Checkpoints;
 use omniwalk::run::tensor::Data;
@@ -112,13 +112,69 @@ fn a_finished_run_is_extended_with_other_settings_of_the_machine() {
     assert!(state(&folder.path().join("run")) == undisturbed());
     let extended = fs::read_to_string(&config).unwrap();
     assert_eq!(extended, edited.replace("steps = 240", "steps = 480"));
-    let again = succeeds(folder.path(), &RESUME[..4]);
+    let before = contents(folder.path());
+    let again = succeeds(folder.path(), &RESUME[..4]).out;
     assert!(
-        again
-            .out
-            .contains("extend: omniwalk train --resume --run run --steps N"),
+        again.contains("nothing to do: run has done 480 of 480 steps"),
+        "{again}"
+    );
+    assert!(
+        again.contains("extend: omniwalk train --resume --run run --steps N"),
+        "{again}"
+    );
+    assert!(contents(folder.path()) == before, "something was written");
+}
+
+#[test]
+fn metrics_that_are_gone_are_missed() {
+    let folder = folder();
+    succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());
+    fs::remove_file(folder.path().join("run/metrics.csv")).unwrap();
+    let resumed = succeeds(folder.path(), &RESUME);
+    assert!(resumed.message().contains("run/metrics.csv is gone"), "{}", resumed.err);
+    assert!(state(&folder.path().join("run")) == undisturbed());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_that_nobody_may_write_to_is_refused() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = folder();
+    succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());
+    let run = folder.path().join("run");
+    let allow = |mode| {
+        fs::set_permissions(run.join(".lock"), fs::Permissions::from_mode(mode & 0o666)).unwrap();
+        fs::set_permissions(&run, fs::Permissions::from_mode(mode)).unwrap();
+    };
+    allow(0o555);
+    let everything_is_allowed = fs::File::create(run.join("probe")).is_ok();
+    if everything_is_allowed {
+        eprintln!("not tested: this user may write anywhere");
+        return;
+    }
+    let refused = omniwalk(folder.path(), &RESUME);
+    allow(0o755);
+    assert_eq!(refused.code, 2);
+    let message = refused.message();
+    for part in ["cannot write to the run folder run", "make it writable"] {
+        assert!(message.contains(part), "{part:?} is not in\n{message}");
+    }
+}
+
+/// A folder in the lock's place can be opened by nobody, not even by root.
+#[test]
+fn a_lock_that_cannot_be_taken_is_named() {
+    let folder = folder();
+    succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());
+    let lock = folder.path().join("run/.lock");
+    fs::remove_file(&lock).unwrap();
+    fs::create_dir(&lock).unwrap();
+    let refused = omniwalk(folder.path(), &RESUME);
+    assert_eq!(refused.code, 2);
+    assert!(
+        refused.message().contains("cannot write to the run folder run"),
         "{}",
-        again.out
+        refused.err
     );
 }
 

@@ -56,6 +56,24 @@ pub fn succeeds(folder: &Path, arguments: &[&str]) -> Output {
     output
 }
 
+/// Runs `omniwalk` in a folder that `prepare` has filled, beside `tiny.toml`: it must refuse with a message that has
+/// these parts, and write nothing.
+#[track_caller]
+pub fn refuses_in(prepare: impl FnOnce(&Path), arguments: &[&str], parts: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
+    prepare(folder.path());
+    let before = contents(folder.path());
+    let output = omniwalk(folder.path(), arguments);
+    let message = output.message();
+    assert_eq!((output.code, output.out.as_str()), (2, ""), "{message}");
+    for part in parts {
+        assert!(message.contains(part), "{part:?} is not in\n{message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(contents(folder.path()) == before, "something was written");
+}
+
 /// A folder of the repository's robots.
 pub fn robot(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("robots").join(name)
