@@ -3,8 +3,12 @@
 pub mod command;
 pub mod complaint;
 pub mod config;
+pub mod deployed;
 pub mod eval;
+pub mod export;
 pub mod inspect;
+#[cfg(unix)]
+pub mod rehearse;
 pub mod report;
 pub mod run;
 pub mod settings;

@@ -5,7 +5,9 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use omniwalk::command::{bench, eval, excite, inspect, report, train};
+#[cfg(unix)]
+use omniwalk::command::rehearse;
+use omniwalk::command::{bench, eval, excite, export, inspect, report, train};
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
 #[derive(Parser)]
@@ -19,9 +21,12 @@ struct CommandLine {
 enum Command {
     Train(train::Args),
     Eval(eval::Args),
+    Export(export::Args),
     Inspect(inspect::Args),
     Excite(excite::Args),
     Bench(bench::Args),
+    #[cfg(unix)]
+    Rehearse(rehearse::Args),
     Report(report::Args),
 }
 
@@ -29,9 +34,12 @@ fn main() -> ExitCode {
     let result = match CommandLine::parse().command {
         Command::Train(args) => train::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Excite(args) => excite::run(&args),
         Command::Bench(args) => bench::run(&args),
+        #[cfg(unix)]
+        Command::Rehearse(args) => rehearse::run(&args),
         Command::Report(args) => report::run(&args),
     };
     match result {

@@ -154,6 +154,7 @@ fn policy() -> Policy {
         },
         legs: Vec::new(),
         inertial_frame_period: 10.0,
+        upright: [0.7; 2],
     };
     let actor = Actor {
         mean: vec![0.0; 2],
@@ -161,7 +162,7 @@ fn policy() -> Policy {
         clip: 10.0,
         layers: vec![Dense {
             inputs: 2,
-            weights: vec![0.0; 4],
+            weights: Weights::F32(vec![0.0; 4]),
             bias: vec![0.0; 2],
         }],
         activation: Activation::Tanh,
@@ -177,6 +178,12 @@ fn policy() -> Policy {
         seed: 7,
         steps: 1_000_000,
         program,
+        curriculum: Curriculum {
+            lower: [-0.5; 3],
+            upper: [0.5; 3],
+            velocity_factor: 1.0,
+            foot_factor: 1.0,
+        },
         latency: [0.0, 0.02],
     };
     Policy::new(spec, actor, bounds, identity).unwrap()
@@ -192,7 +199,10 @@ fn a_policy_is_described_and_a_damaged_one_refused() {
         &path,
         &[
             "policy of 1000000 policy steps, seed 7, by omniwalk 0.1.0",
-            "40 Hz, observation of 2 numbers: JointPosition 1 JointVelocity 1",
+            "40 Hz, observation of 2 numbers:",
+            "joint_velocity       1  rad/s or m/s; joint",
+            "the curriculum had reached [-0.5, -0.5, -0.5] to [0.5, 0.5, 0.5]",
+            "weights in F32",
             "OffsetFromNominal, second-order Butterworth at 5 Hz, clamped",
             "knee  nominal 0.1000, limits -1.0000 to 1.0000",
             "reproduces its golden vectors",

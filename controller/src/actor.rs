@@ -18,7 +18,14 @@ use thiserror::Error;
 use crate::{
     kernel::{Level, Panels},
     math::is_finite,
+    weights::{Precision, Weights},
 };
+
+/// Widest layer, and longest observation: what bounds the memory that a file can ask for.
+const MAX_WIDTH: usize = 16_384;
+
+/// Most layers.
+const MAX_LAYERS: usize = 32;
 
 /// Non-linearity of the hidden layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +53,7 @@ pub struct Dense {
     /// Number of inputs.
     pub inputs: usize,
     /// Weights, a row of `inputs` for each output.
-    pub weights: Vec<f32>,
+    pub weights: Weights,
     /// One for each output.
     pub bias: Vec<f32>,
 }
@@ -74,9 +81,18 @@ pub enum ActorError {
     /// Mean and deviation differ in length, or a deviation or the clip is not positive and finite.
     #[error("the normaliser needs as many means as deviations, all finite, deviations and clip positive")]
     Normaliser,
-    /// There is no layer.
-    #[error("the network has no layers")]
-    Empty,
+    /// No layer, or too many.
+    #[error("the network has {found} layers; 1 to {MAX_LAYERS} are possible")]
+    Layers {
+        /// How many.
+        found: usize,
+    },
+    /// Wider than any policy's.
+    #[error("the network is {found} wide; at most {MAX_WIDTH} is possible")]
+    TooWide {
+        /// How wide.
+        found: usize,
+    },
     /// A layer's inputs are not the previous layer's outputs, or its weights are not inputs times outputs.
     #[error("layer {layer}: {weights} weights and {bias} biases do not fit {inputs} inputs")]
     Shape {
@@ -114,6 +130,16 @@ impl Actor {
         self.layers.last().map_or(0, |layer| layer.bias.len() / 2)
     }
 
+    /// The network with its weights stored in `precision`.
+    #[must_use]
+    pub fn with_precision(&self, precision: Precision) -> Self {
+        let mut actor = self.clone();
+        for layer in &mut actor.layers {
+            layer.weights = Weights::new(&layer.weights.expand(layer.inputs), layer.inputs, precision);
+        }
+        actor
+    }
+
     /// Checks shapes and numbers.
     ///
     /// # Errors
@@ -129,6 +155,14 @@ impl Actor {
         if !normaliser || self.mean.is_empty() {
             return Err(ActorError::Normaliser);
         }
+        if !(1..=MAX_LAYERS).contains(&self.layers.len()) {
+            let found = self.layers.len();
+            return Err(ActorError::Layers { found });
+        }
+        let widths = self.layers.iter().map(|layer| layer.bias.len());
+        if let Some(found) = widths.chain([self.mean.len()]).find(|&width| width > MAX_WIDTH) {
+            return Err(ActorError::TooWide { found });
+        }
         let mut inputs = self.mean.len();
         for (index, layer) in self.layers.iter().enumerate() {
             let (weights, bias) = (layer.weights.len(), layer.bias.len());
@@ -140,17 +174,16 @@ impl Actor {
                     bias,
                 });
             }
-            if !is_finite(&layer.weights) || !is_finite(&layer.bias) {
+            if !layer.weights.are_finite(bias) || !is_finite(&layer.bias) {
                 return Err(ActorError::NotFinite { layer: index });
             }
             inputs = bias;
         }
-        match self.layers.last() {
-            None => Err(ActorError::Empty),
-            Some(last) if last.bias.len() % 2 != 0 => Err(ActorError::Outputs {
-                outputs: last.bias.len(),
-            }),
-            Some(_) => Ok(()),
+        // `inputs` are now the outputs of the last layer.
+        if inputs.is_multiple_of(2) {
+            Ok(())
+        } else {
+            Err(ActorError::Outputs { outputs: inputs })
         }
     }
 }
@@ -175,12 +208,24 @@ impl Inference {
     /// # Errors
     /// What [`Actor::validate`] finds.
     pub fn new(actor: &Actor) -> Result<Self, ActorError> {
+        Self::with_level(actor, Level::detect())
+    }
+
+    /// [`Inference::new`] with the instructions alone that the crate was compiled for, as on a processor without others.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn portable(actor: &Actor) -> Result<Self, ActorError> {
+        Self::with_level(actor, Level::Baseline)
+    }
+
+    fn with_level(actor: &Actor, level: Level) -> Result<Self, ActorError> {
         actor.validate()?;
         let last = actor.layers.len() - 1;
         let layer = |(i, layer): (usize, &Dense)| {
             Panels::new(
                 layer.inputs,
-                &layer.weights,
+                &layer.weights.expand(layer.inputs),
                 &layer.bias,
                 (i < last).then_some(actor.activation),
             )
@@ -198,9 +243,14 @@ impl Inference {
             clip: actor.clip,
             layers,
             head: actor.head,
-            level: Level::detect(),
+            level,
             buffers: [vec![0.0; widest], vec![0.0; widest]],
         })
+    }
+
+    /// Name of the instruction set it runs with.
+    pub fn instruction_set(&self) -> &'static str {
+        self.level.name()
     }
 
     /// Writes the most likely action for `observation`; not a number where the observation's are not. Beta actions are in
@@ -274,7 +324,7 @@ mod tests {
     fn a_network_of_one_weight_can_be_computed_by_hand() {
         let layer = |weight, bias: &[f32]| Dense {
             inputs: 1,
-            weights: weight,
+            weights: Weights::F32(weight),
             bias: bias.to_vec(),
         };
         let network = Actor {
@@ -298,13 +348,15 @@ mod tests {
 
     #[test]
     fn networks_that_do_not_fit_together_are_refused() {
-        let wrong: [fn(&mut Actor); 8] = [
+        let wrong: [fn(&mut Actor); 10] = [
+            |actor| actor.layers = vec![actor.layers[1].clone(); MAX_LAYERS + 1],
+            |actor| actor.mean = vec![0.0; MAX_WIDTH + 1],
             |actor| actor.layers.clear(),
             |actor| actor.mean.push(0.0),
             |actor| actor.deviation[0] = 0.0,
             |actor| actor.clip = f32::NAN,
             |actor| actor.layers[1].inputs += 1,
-            |actor| actor.layers[0].weights.truncate(3),
+            |actor| actor.layers[0].weights = Weights::F32(vec![0.0; 3]),
             |actor| actor.layers[1].bias[0] = f32::INFINITY,
             |actor| drop(actor.layers.remove(1)),
         ];
@@ -322,35 +374,6 @@ mod tests {
             let mut action = [f32::NAN; 3];
             Inference::new(&actor(5, &[70, 20], 3)).expect("valid").action(&observation, &mut action);
             prop_assert!(action.iter().all(|a| (0.0..=1.0).contains(a)), "{action:?}");
-        }
-    }
-
-    /// `cargo test --release -p omniwalk-controller -- --ignored --nocapture time_of`
-    #[test]
-    #[ignore = "measures time"]
-    fn time_of_the_networks_of_the_thesis() {
-        let network = actor(49, &[512, 512], 16);
-        let mut inference = Inference::new(&network).expect("valid");
-        for level in crate::kernel::levels() {
-            inference.level = level;
-            let mut action = [0.0; 16];
-            let mut observation = [0.1; 49];
-            let mut times: Vec<u128> = (0..20_000)
-                .map(|i| {
-                    observation[i % 49] += 1e-3;
-                    let start = std::time::Instant::now();
-                    inference.action(&observation, &mut action);
-                    start.elapsed().as_nanos()
-                })
-                .collect();
-            times.sort_unstable();
-            let at = |share: usize| times[times.len() * share / 1000] as f32 * 1e-3;
-            std::println!(
-                "{level:?}: p50 {} us, p99 {} us, p99.9 {} us",
-                at(500),
-                at(990),
-                at(999)
-            );
         }
     }
 }

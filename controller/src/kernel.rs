@@ -39,6 +39,16 @@ impl Level {
         }
         Self::Baseline
     }
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline",
+            #[cfg(all(feature = "std", target_arch = "x86_64"))]
+            Self::Avx2 => "avx2",
+            #[cfg(all(feature = "std", target_arch = "x86_64"))]
+            Self::Avx512 => "avx512",
+        }
+    }
 }
 
 /// A dense layer prepared for inference.

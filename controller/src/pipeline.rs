@@ -274,6 +274,11 @@ impl Pipeline {
         })
     }
 
+    /// Whether the policy sees and moves the robot's mirror image in this step.
+    pub fn is_mirrored(&self, spec: &Spec) -> bool {
+        self.mirror(spec).is_some()
+    }
+
     /// The mirror the policy looks into in this step: a symmetric policy in the second half of the clock's cycle.
     fn mirror<'a>(&self, spec: &'a Spec) -> Option<&'a [MirroredJoint]> {
         spec.symmetry.as_deref().filter(|_| self.clock_phase >= 0.5)

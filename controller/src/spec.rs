@@ -27,6 +27,8 @@ pub struct Spec {
     pub legs: Vec<Leg>,
     /// Seconds after which the inertial frame is set to the current heading again (thesis 7.3.1).
     pub inertial_frame_period: f32,
+    /// Fused roll and pitch of the base, rad, beyond which episodes of training ended: the robot has fallen.
+    pub upright: [f32; 2],
 }
 
 /// One joint of the policy.
@@ -120,6 +122,8 @@ pub enum FilterSpec {
 pub struct ClockSpec {
     /// Duration of a full cycle (two steps), s.
     pub period: f32,
+    /// Phase in cycles, 0 to 1, that a robot begins with; 0 is the start of a swing of leg 0.
+    pub reset_phase: f32,
 }
 
 /// Where a joint's value comes from in the mirrored robot: `mirrored[i] = sign * original[joint]`.

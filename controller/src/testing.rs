@@ -4,8 +4,13 @@ use alloc::{format, string::String, vec, vec::Vec};
 
 use crate::{
     actor::{Activation, Actor, Dense, Head},
+    policy::{Bounds, Curriculum, Identity, Policy},
     spec::*,
+    weights::Weights,
 };
+
+/// No velocity of ten joints.
+pub(crate) const STILL: [f32; 10] = [0.0; 10];
 
 fn segment(translation: [f32; 3], axis: [f32; 3], joint: u16, multiplier: f32) -> Segment {
     Segment {
@@ -90,7 +95,10 @@ pub(crate) fn biped() -> Spec {
             filter: Some(FilterSpec::Butterworth { cutoff_hz: 10.0 }),
             torque_clamp: true,
         },
-        clock: Some(ClockSpec { period: 0.8 }),
+        clock: Some(ClockSpec {
+            period: 0.8,
+            reset_phase: 0.0,
+        }),
         symmetry: None,
         command: CommandSpec {
             rate: [0.5, 0.5, 1.0],
@@ -99,6 +107,7 @@ pub(crate) fn biped() -> Spec {
         },
         legs: vec![leg("left", 1.0, 0), leg("right", -1.0, 5)],
         inertial_frame_period: 1.0,
+        upright: [0.7; 2],
     }
 }
 
@@ -138,7 +147,7 @@ pub(crate) fn actor(observation: usize, hidden: &[usize], actions: usize) -> Act
         let weights = (0..inputs * outputs).map(|_| scale * next()).collect();
         let layer = Dense {
             inputs,
-            weights,
+            weights: Weights::F32(weights),
             bias: (0..outputs).map(|_| 0.1 * next()).collect(),
         };
         inputs = outputs;
@@ -152,4 +161,37 @@ pub(crate) fn actor(observation: usize, hidden: &[usize], actions: usize) -> Act
         activation: Activation::Tanh,
         head: Head::Beta,
     }
+}
+
+/// Where the policies of tests come from.
+pub(crate) fn identity() -> Identity {
+    Identity {
+        config_hash: [7; 32],
+        seed: 3,
+        steps: 1_000_000,
+        program: "omniwalk 0.1.0".into(),
+        latency: [0.0, 0.05],
+        curriculum: Curriculum {
+            lower: [-0.3, -0.2, -0.6],
+            upper: [0.5, 0.2, 0.6],
+            velocity_factor: 0.9,
+            foot_factor: 1.0,
+        },
+    }
+}
+
+/// A policy of a small network for `spec`, with wide observation bounds that `change` may narrow.
+pub(crate) fn policy_with(spec: Spec, change: impl FnOnce(&mut [f32], &mut [f32])) -> Policy {
+    let (width, joints) = (spec.observation_len(), spec.action_len());
+    let mut bounds = Bounds {
+        lower: vec![-20.0; width],
+        upper: vec![f32::INFINITY; width],
+    };
+    change(&mut bounds.lower, &mut bounds.upper);
+    Policy::new(spec, actor(width, &[24, 16], joints), bounds, identity()).expect("the parts fit")
+}
+
+/// A policy of [`biped`].
+pub(crate) fn policy() -> Policy {
+    policy_with(biped(), |_, _| {})
 }

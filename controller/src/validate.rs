@@ -9,12 +9,28 @@ use crate::{
     spec::{Block, FilterSpec, Leg, Spec},
 };
 
+/// Most joints of a policy; they are compared in pairs.
+pub const MAX_JOINTS: usize = 256;
+
+/// Most legs of a robot, and joints of a leg.
+const MAX_LEGS: usize = 64;
+
 /// Why a [`Spec`] cannot be used. Fields named `joint` and `leg` hold names.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SpecError {
     /// There is nothing to control.
     #[error("the policy has no joints")]
     NoJoints,
+    /// More than any robot has.
+    #[error("{found} {what}; at most {most} are possible")]
+    TooMany {
+        /// `joints`, `legs` or `segments of a leg`.
+        what: &'static str,
+        /// How many.
+        found: usize,
+        /// How many there may be.
+        most: usize,
+    },
     /// Two joints share a name, so readings by name would be ambiguous.
     #[error("joint `{joint}` appears twice")]
     DuplicateJoint {
@@ -101,6 +117,10 @@ impl Spec {
                 expected: "but must be positive (infinite to never set the frame again)",
             });
         }
+        for &angle in &self.upright {
+            positive("upright", angle)?;
+        }
+        self.validate_sizes()?;
         self.validate_joints()?;
         self.validate_filter()?;
         self.validate_command()?;
@@ -110,7 +130,10 @@ impl Spec {
             }
         }
         match self.clock {
-            Some(clock) => positive("clock.period", clock.period)?,
+            Some(clock) => {
+                positive("clock.period", clock.period)?;
+                phase("clock.reset_phase", clock.reset_phase)?;
+            }
             None if self.observation.contains(&Block::Clock) => return Err(SpecError::NoClock),
             None if self.symmetry.is_some() => return Err(SpecError::NoClockForSymmetry),
             None => {}
@@ -121,6 +144,21 @@ impl Spec {
         self.legs
             .iter()
             .try_for_each(|leg| validate_leg(leg, self.joints.len()))
+    }
+
+    /// Before anything that takes longer for more of them.
+    fn validate_sizes(&self) -> Result<(), SpecError> {
+        let segments = self.legs.iter().map(|leg| leg.segments.len()).max().unwrap_or(0);
+        let sizes = [
+            ("joints", self.joints.len(), MAX_JOINTS),
+            ("legs", self.legs.len(), MAX_LEGS),
+            ("segments of a leg", segments, MAX_LEGS),
+            ("observation blocks", self.observation.len(), Block::ALL.len()),
+        ];
+        match sizes.into_iter().find(|(_, found, most)| found > most) {
+            Some((what, found, most)) => Err(SpecError::TooMany { what, found, most }),
+            None => Ok(()),
+        }
     }
 
     fn validate_joints(&self) -> Result<(), SpecError> {
@@ -241,6 +279,18 @@ fn positive(field: &'static str, value: f32) -> Result<(), SpecError> {
             field,
             value,
             expected: "but must be finite and positive",
+        })
+    }
+}
+
+fn phase(field: &'static str, value: f32) -> Result<(), SpecError> {
+    if (0.0..1.0).contains(&value) {
+        Ok(())
+    } else {
+        Err(SpecError::Value {
+            field,
+            value,
+            expected: "but must be at least 0 and below 1",
         })
     }
 }

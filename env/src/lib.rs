@@ -10,6 +10,7 @@ pub mod batch;
 pub mod config;
 pub mod engine;
 mod error;
+pub mod plant;
 pub mod probe;
 pub mod random;
 pub mod robot;

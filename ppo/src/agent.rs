@@ -54,6 +54,9 @@ pub struct Policy {
     pub deviation: Vec<f32>,
     /// The quotient is clamped to this magnitude.
     pub clip: f32,
+    /// Smallest and largest value of each entry of an observation that was learned from. Infinite where that is not
+    /// known, the smallest above the largest where there was none.
+    pub range: [Vec<f32>; 2],
     /// The actor's layers; the last has no activation, and its outputs are the first parameter of each action
     /// dimension, then the second of each.
     pub layers: Vec<Layer>,
@@ -279,6 +282,7 @@ impl Agent {
             mean: mean.to_vec(),
             deviation: deviation.to_vec(),
             clip: self.normaliser.clip,
+            range: self.normaliser.range.clone(),
             layers: self
                 .actor
                 .layers

@@ -1,4 +1,4 @@
-//! Running mean and variance of observations.
+//! Running mean, variance and range of observations.
 
 /// Smallest standard deviation: a quantity that hardly moves is not blown up.
 const FLOOR: f64 = 0.01;
@@ -12,6 +12,8 @@ pub(crate) struct Normaliser {
     pub mean: Vec<f64>,
     /// Sum of squared deviations from the mean.
     pub squares: Vec<f64>,
+    /// Smallest and largest values so far; the smallest is above the largest before the first.
+    pub range: [Vec<f32>; 2],
     applied_mean: Vec<f32>,
     applied_deviation: Vec<f32>,
     applied_scale: Vec<f32>,
@@ -27,6 +29,7 @@ impl Normaliser {
             count: 0,
             mean: vec![0.0; len],
             squares: vec![0.0; len],
+            range: [vec![f32::INFINITY; len], vec![f32::NEG_INFINITY; len]],
             applied_mean: vec![0.0; len],
             applied_deviation: vec![1.0; len],
             applied_scale: vec![1.0; len],
@@ -51,6 +54,12 @@ impl Normaliser {
     /// Merges a batch of observations, row-major, into the statistics: its own in two passes, then Chan et al. (1979).
     pub(crate) fn merge(&mut self, observations: &[f32]) {
         let len = self.mean.len();
+        let [lower, upper] = &mut self.range;
+        for row in observations.chunks_exact(len.max(1)) {
+            for ((lower, upper), &x) in lower.iter_mut().zip(upper.iter_mut()).zip(row) {
+                (*lower, *upper) = (lower.min(x), upper.max(x));
+            }
+        }
         if !self.enabled || len == 0 || observations.is_empty() {
             return;
         }
@@ -114,6 +123,10 @@ mod tests {
                 let mean = column.iter().sum::<f64>() / column.len() as f64;
                 let variance = column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / column.len() as f64;
                 prop_assert!((merged.mean[i] - mean).abs() < 1e-9);
+                let outside = |&x: &f64| x < f64::from(merged.range[0][i]) || x > f64::from(merged.range[1][i]);
+                prop_assert!(!column.iter().any(outside));
+                let ends = merged.range.each_ref().map(|range| f64::from(range[i]));
+                prop_assert!(ends.iter().all(|end| column.contains(end)));
                 prop_assert!((merged.squares[i] / merged.count as f64 - variance).abs() <= 1e-9 * variance.max(1.0));
             }
         }

@@ -71,6 +71,12 @@ const PARTS: [Part; 3] = [
     ),
 ];
 
+/// Smallest and largest observations so far, and what they are in older states, which do not know them.
+const RANGE: [(&str, f32); 2] = [
+    ("normaliser.smallest", f32::NEG_INFINITY),
+    ("normaliser.largest", f32::INFINITY),
+];
+
 impl Agent {
     /// The whole state.
     pub fn save(&self) -> Vec<Tensor> {
@@ -91,6 +97,9 @@ impl Agent {
                 TensorData::F64(self.normaliser.squares.clone()),
             ),
         ];
+        for ((name, _), values) in RANGE.into_iter().zip(&self.normaliser.range) {
+            tensors.push(tensor(name, &[len], TensorData::F32(values.clone())));
+        }
         save_network("actor", &self.actor, &mut tensors);
         save_network("critic", &self.critic, &mut tensors);
         tensors
@@ -128,6 +137,12 @@ impl Agent {
             agent.normaliser.squares.iter().all(|x| x.is_finite() && *x >= 0.0),
             "normaliser.squares",
         )?;
+        for ((name, unknown), values) in RANGE.into_iter().zip(&mut agent.normaliser.range) {
+            match find_numbers(tensors, name, &[observation_len]) {
+                Err(StateError::Missing(_)) => values.fill(unknown),
+                found => *values = found?.to_vec(),
+            }
+        }
         agent.normaliser.refresh();
         load_network("actor", &mut agent.actor, tensors)?;
         load_network("critic", &mut agent.critic, tensors)?;
@@ -229,10 +244,15 @@ fn find<'a, T>(
     }
 }
 
-fn find_f32<'a>(tensors: &'a [Tensor], name: &str, shape: &[usize]) -> Result<&'a [f32], StateError> {
-    let data = find(tensors, name, shape, "f32", |data| {
+/// Numbers that need not be finite.
+fn find_numbers<'a>(tensors: &'a [Tensor], name: &str, shape: &[usize]) -> Result<&'a [f32], StateError> {
+    find(tensors, name, shape, "f32", |data| {
         if let TensorData::F32(x) = data { Some(x) } else { None }
-    })?;
+    })
+}
+
+fn find_f32<'a>(tensors: &'a [Tensor], name: &str, shape: &[usize]) -> Result<&'a [f32], StateError> {
+    let data = find_numbers(tensors, name, shape)?;
     if data.iter().all(|x| x.is_finite()) {
         Ok(data)
     } else {

@@ -1,5 +1,7 @@
 //! `omniwalk bench`: throughput, measured on this machine.
 
+mod controller;
+
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -26,6 +28,8 @@ enum What {
     Train(Options),
     /// One pass of learning against the processor's peak.
     Ppo(Options),
+    /// A step of the controller as a robot runs it.
+    Controller(controller::Options),
 }
 
 #[derive(clap::Args, Debug)]
@@ -57,7 +61,20 @@ struct Options {
 /// # Errors
 /// Whatever is wrong with configuration or robot.
 pub fn run(args: &Args) -> miette::Result<()> {
-    let (What::Env(options) | What::Train(options) | What::Ppo(options)) = &args.what;
+    let (result, json) = match &args.what {
+        What::Controller(options) => (controller::run(options)?, &options.json),
+        What::Env(options) | What::Train(options) | What::Ppo(options) => (throughput(args, options)?, &options.json),
+    };
+    if let Some(file) = json {
+        let text = serde_json::to_string_pretty(&result).into_diagnostic()? + "\n";
+        std::fs::write(file, text)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot write {}", file.display()))?;
+    }
+    Ok(())
+}
+
+fn throughput(args: &Args, options: &Options) -> miette::Result<Value> {
     let threads = options.threads.map_or_else(available, usize::from);
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -67,19 +84,13 @@ pub fn run(args: &Args) -> miette::Result<()> {
     changes.extend(options.engine.as_ref().map(|engine| format!("engine.kind={engine}")));
     let (settings, _) = load::settings(options.config.as_deref(), &changes)?;
     let mut result = match args.what {
-        // On a thread of the pool: from outside it, every step would wake one and wait.
-        What::Env(_) => rayon::scope(|_| env(&settings, options.seconds))?,
         What::Train(_) => train(&settings, options.seconds)?,
         What::Ppo(_) => ppo(&settings, options, threads)?,
+        // On a thread of the pool: from outside it, every step would wake one and wait.
+        _ => rayon::scope(|_| env(&settings, options.seconds))?,
     };
     result["threads"] = json!(threads);
-    if let Some(file) = &options.json {
-        let text = serde_json::to_string_pretty(&result).into_diagnostic()? + "\n";
-        std::fs::write(file, text)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot write {}", file.display()))?;
-    }
-    Ok(())
+    Ok(result)
 }
 
 fn available() -> usize {

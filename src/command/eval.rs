@@ -4,15 +4,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, WrapErr, miette};
+use omniwalk_controller::Controller;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::shared::spec;
 use omniwalk_env::{Batch, EnvConfig};
-use omniwalk_ppo::Agent;
 use serde_json::{Value, json};
 
 use super::load;
 use crate::config::Layers;
+use crate::deployed::{Deployed, layers};
 use crate::eval::forward::{Forward, Watch, nominal, play};
+use crate::eval::player::Player;
 use crate::eval::rollout::Recorder;
 use crate::eval::suites::{ALL, CONDITIONS, Plan, Results, Suite};
 use crate::eval::table;
@@ -24,13 +26,14 @@ use omniwalk_sim2real::log::LogError;
 
 /// Plays a policy's mode and measures how it walks.
 ///
-/// Writes the results to eval.json in the run folder, with pictures (eval_*.png) and rollouts beside it. By itself it plays the
-/// commands of the run's `[eval]` section under the conditions the policy was trained in. The suites of DeepWalk's
+/// Writes the results to eval.json in the run folder, with pictures (eval_*.png) and rollouts beside it; of a policy file
+/// NAME.omni into the folder NAME.eval. By itself it plays the
+/// commands of the run's `[eval]` section (of a policy file, of the defaults) under the conditions the policy was trained in. The suites of DeepWalk's
 /// evaluation judge every policy under the same conditions: noise, latency, and friction and actuators drawn for each
 /// sequence, and beside that without any.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Run folder.
+    /// Run folder or policy file.
     run: PathBuf,
     /// What is played; several are separated by commas.
     ///
@@ -48,7 +51,7 @@ pub struct Args {
     /// Physics engine; policies are judged in rapier.
     #[arg(long, value_parser = ["rapier", "lanes"], default_value = "rapier")]
     engine: String,
-    /// Robot folder or URDF [default: the run's].
+    /// Robot folder or URDF [default: the run's; for a policy file that of the defaults].
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     /// Episodes for each command [default: the run's; 10 in suites, where changes has 16 for each, and push a push].
@@ -75,8 +78,14 @@ pub struct Args {
 struct Loaded {
     settings: Settings,
     robot: Arc<Robot>,
-    agent: Agent,
+    player: Player,
     steps: u64,
+    /// What the conditions of suites are laid over.
+    layers: Layers,
+    /// Smallest and largest command that was trained.
+    range: [[f64; 3]; 2],
+    /// Where the results go.
+    folder: PathBuf,
 }
 
 /// Sequences for each command of a suite (thesis 7.5).
@@ -103,7 +112,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
     });
     if args.suite.iter().any(|name| name == "forward") {
         loaded.forward(args, &mut result)?;
-        save(args, &result)?;
+        loaded.save(args, &result)?;
     }
     if suites.is_empty() {
         return Ok(());
@@ -127,7 +136,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
     for suite in suites {
         result[suite.name()] = loaded.suite(args, suite, &judged, &plan)?;
         // After each: they take their time.
-        save(args, &result)?;
+        loaded.save(args, &result)?;
     }
     Ok(())
 }
@@ -138,6 +147,34 @@ fn conditions(nominal: bool) -> &'static str {
 
 impl Loaded {
     fn open(args: &Args) -> miette::Result<Self> {
+        if args.run.is_file() {
+            Self::open_policy(args)
+        } else {
+            Self::open_run(args)
+        }
+    }
+
+    fn open_policy(args: &Args) -> miette::Result<Self> {
+        let Deployed {
+            policy,
+            robot,
+            settings,
+        } = Deployed::open(&args.run, args.robot.as_deref(), &changes(args))?;
+        // Through the decimal numbers that were written: 0.7 and not what single precision makes of it.
+        let decimal = |x: f32| x.to_string().parse().unwrap_or(f64::from(x));
+        let trained = &policy.identity().curriculum;
+        Ok(Self {
+            layers: layers(&policy)?,
+            range: [trained.lower, trained.upper].map(|ends| ends.map(decimal)),
+            player: Player::Controller(Box::new(Controller::new(&policy).into_diagnostic()?)),
+            steps: policy.identity().steps,
+            folder: args.run.with_extension("eval"),
+            settings,
+            robot,
+        })
+    }
+
+    fn open_run(args: &Args) -> miette::Result<Self> {
         let run = RunFolder::open(&args.run)?;
         let (settings, _) = load::settings(Some(&args.run.join("config.toml")), &changes(args))?;
         let robot = load::robot(args.robot.as_deref().unwrap_or(&args.run.join("robot")))?;
@@ -151,28 +188,25 @@ impl Loaded {
         )
         .wrap_err_with(|| format!("{} does not fit robot and configuration", latest.path.display()))?;
         Ok(Self {
+            layers: Layers::new(DEFAULT)?.file(&args.run.join("config.toml"))?,
+            range: [settings.env.command.lower, settings.env.command.upper],
+            player: Player::Learner(Box::new(agent)),
+            steps: latest.checkpoint.step,
+            folder: args.run.clone(),
             settings,
             robot,
-            agent,
-            steps: latest.checkpoint.step,
         })
     }
 
     /// The conditions in which `suites` judge the policy.
     fn judged(&self, args: &Args, suites: &[Suite]) -> miette::Result<EnvConfig> {
         if args.suite.iter().any(|name| name == "forward") {
-            within_bounds(&self.settings, "`eval.commands`", &self.settings.eval.commands)?;
+            self.within_bounds("`eval.commands`", &self.settings.eval.commands)?;
         }
         for suite in suites {
-            within_bounds(
-                &self.settings,
-                &format!("what `{}` asks for", suite.name()),
-                suite.commands(),
-            )?;
+            self.within_bounds(&format!("what `{}` asks for", suite.name()), suite.commands())?;
         }
-        let mut layers = Layers::new(DEFAULT)?
-            .file(&args.run.join("config.toml"))?
-            .text("conditions.toml (built in)", CONDITIONS)?;
+        let mut layers = self.layers.clone().text("conditions.toml (built in)", CONDITIONS)?;
         for change in changes(args) {
             layers = layers.set(&change)?;
         }
@@ -189,9 +223,9 @@ impl Loaded {
             seed: args.seed,
             nominal: args.nominal,
         };
-        let mut rollouts = Rollouts::new(args.run.join("rollouts"), first_episodes(&suite));
-        let agent = &mut self.agent;
-        let policy = |observations: &[f32], actions: &mut [f32]| agent.mode(observations, actions);
+        let mut rollouts = Rollouts::new(self.folder.join("rollouts"), first_episodes(&suite));
+        let player = &mut self.player;
+        let policy = |observations: &[f32], actions: &mut [f32]| player.mode(observations, actions);
         let rows = play(self.robot.clone(), &self.settings.env, &suite, policy, &mut rollouts)?;
         let files = rollouts.finish()?;
         println!(
@@ -212,18 +246,18 @@ impl Loaded {
 
     /// Plays `suite` under the conditions `judged` and, beside that, without any randomisation.
     fn suite(&mut self, args: &Args, suite: Suite, judged: &EnvConfig, plan: &Plan) -> miette::Result<Value> {
-        let mut rollouts = Rollouts::new(args.run.join("rollouts"), suite.rollouts());
+        let mut rollouts = Rollouts::new(self.folder.join("rollouts"), suite.rollouts());
         let mut play = |nominally: bool, watch: Option<&mut dyn Watch>| {
             let mut config = judged.clone();
             if nominally {
                 nominal(&mut config);
             }
-            let agent = &mut self.agent;
+            let player = &mut self.player;
             let mut stage = Stage {
                 robot: self.robot.clone(),
                 config,
                 seed: args.seed,
-                policy: &mut |observations, actions| agent.mode(observations, actions),
+                policy: &mut |observations, actions| player.mode(observations, actions),
             };
             let results = suite.play(&mut stage, plan, watch)?;
             println!(
@@ -239,7 +273,7 @@ impl Loaded {
             println!("rollout: {}", file.display());
         }
         for (name, canvas) in results.pictures()? {
-            let path = args.run.join(name);
+            let path = self.folder.join(name);
             write(&path, &canvas.png()?)?;
             println!("picture: {}", path.display());
         }
@@ -248,6 +282,26 @@ impl Loaded {
             json["nominal"] = play(true, None)?.json();
         }
         Ok(json)
+    }
+
+    /// The controller keeps what is asked of it within the bounds it was trained for, so that other commands would not
+    /// be played as they are written.
+    fn within_bounds(&self, what: &str, commands: &[[f64; 3]]) -> miette::Result<()> {
+        let [lower, upper] = self.range;
+        let inside = |command: &[f64; 3]| (0..3).all(|k| (lower[k]..=upper[k]).contains(&command[k]));
+        match commands.iter().find(|command| !inside(command)) {
+            None => Ok(()),
+            Some(command) => Err(miette!(
+                help = "for example --suite forward --set 'eval.commands=[[0.0, 0.0, 0.0]]'",
+                "{what} must be within the bounds the policy was trained for, {lower:?} to {upper:?}, and {command:?} is not"
+            )),
+        }
+    }
+
+    fn save(&self, args: &Args, result: &Value) -> miette::Result<()> {
+        let text = serde_json::to_string_pretty(result).into_diagnostic()? + "\n";
+        write(&self.folder.join("eval.json"), text.as_bytes())?;
+        args.json.as_ref().map_or(Ok(()), |file| write(file, text.as_bytes()))
     }
 }
 
@@ -258,20 +312,6 @@ fn changes(args: &Args) -> Vec<String> {
     changes.extend(args.episodes.map(|n| format!("eval.episodes={n}")));
     changes.extend(args.seconds.map(|s| format!("eval.seconds={s:?}")));
     changes
-}
-
-/// The controller keeps what is asked of it within the bounds it was trained for, so that other commands would not
-/// be played as they are written.
-fn within_bounds(settings: &Settings, what: &str, commands: &[[f64; 3]]) -> miette::Result<()> {
-    let (lower, upper) = (settings.env.command.lower, settings.env.command.upper);
-    let inside = |command: &[f64; 3]| (0..3).all(|k| (lower[k]..=upper[k]).contains(&command[k]));
-    match commands.iter().find(|command| !inside(command)) {
-        None => Ok(()),
-        Some(command) => Err(miette!(
-            help = "for example --suite forward --set 'eval.commands=[[0.0, 0.0, 0.0]]'",
-            "{what} must be within the bounds the policy was trained for, {lower:?} to {upper:?}, and {command:?} is not"
-        )),
-    }
 }
 
 /// The first episode of each command, as logs: file name and environment.
@@ -325,12 +365,6 @@ impl Watch for Rollouts {
             .iter_mut()
             .try_for_each(|recorder| Ok(recorder.step(batch, observations, actions)?))
     }
-}
-
-fn save(args: &Args, result: &Value) -> miette::Result<()> {
-    let text = serde_json::to_string_pretty(result).into_diagnostic()? + "\n";
-    write(&args.run.join("eval.json"), text.as_bytes())?;
-    args.json.as_ref().map_or(Ok(()), |file| write(file, text.as_bytes()))
 }
 
 fn write(path: &Path, bytes: &[u8]) -> miette::Result<()> {

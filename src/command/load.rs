@@ -1,10 +1,13 @@
 //! What several commands begin with: settings from layers, the robot of a configuration or of a run.
 
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, WrapErr, miette};
+use omniwalk_controller::Policy;
+use omniwalk_controller::file::MAX_LEN;
 use omniwalk_env::robot::{self, Robot};
 
 use crate::config::{ConfigError, Layers};
@@ -41,6 +44,16 @@ pub fn latest(run: &RunFolder) -> miette::Result<Latest> {
     })?;
     latest.skipped.iter().for_each(|error| eprintln!("warning: {error}"));
     Ok(latest)
+}
+
+/// The policy in the file at `path`.
+pub fn policy(path: &Path) -> miette::Result<Policy> {
+    let mut bytes = Vec::new();
+    fs::File::open(path)
+        .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut bytes))
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot read {}", path.display()))?;
+    Policy::from_bytes(&bytes).map_err(|error| miette!("{}: {error}", path.display()))
 }
 
 /// The run in `folder` as the source of another run's weights.

@@ -3,8 +3,11 @@
 pub mod bench;
 pub mod eval;
 pub mod excite;
+pub mod export;
 pub mod inspect;
+#[cfg(unix)]
+pub mod rehearse;
 pub mod report;
 pub mod train;
 
-mod load;
+pub(crate) mod load;

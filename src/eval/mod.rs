@@ -10,6 +10,7 @@ pub mod forward;
 pub mod hold;
 pub mod meter;
 pub mod pictures;
+pub mod player;
 pub mod push;
 pub mod pushing;
 pub mod rollout;

@@ -1,27 +1,14 @@
 //! Describes a policy file.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
-use omniwalk_controller::file::MAX_LEN;
-use omniwalk_controller::{ActionSpec, FilterSpec, Policy, Spec};
+use miette::Report;
+use omniwalk_controller::{ActionSpec, FilterSpec, Identity, Policy, Precision, Spec};
 
-use super::InspectError;
+use crate::command::load;
 
-pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
-    let io = |why| InspectError::Io {
-        path: path.to_owned(),
-        why,
-    };
-    let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut bytes))
-        .map_err(io)?;
-    let policy = Policy::from_bytes(&bytes).map_err(|error| InspectError::Damaged {
-        path: path.to_owned(),
-        why: error.to_string(),
-    })?;
+pub(super) fn describe(path: &Path) -> Result<String, Report> {
+    let policy = load::policy(path)?;
     let (identity, actor, golden) = (policy.identity(), policy.actor(), policy.golden());
     let mut text = format!(
         "policy of {} policy steps, seed {}, by {}\n",
@@ -29,14 +16,17 @@ pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
     );
     let hash: String = identity.config_hash.iter().map(|byte| format!("{byte:02x}")).collect();
     text += &format!("  configuration {hash}\n");
-    let [least, most] = identity.latency;
-    text += &format!("  trained with a latency from {least} to {most} s\n");
+    text += &training(identity);
     text += &spec(policy.spec());
+    text += &bounds(&policy);
     let widths: Vec<_> = actor.layers.iter().map(|layer| layer.bias.len().to_string()).collect();
     let (inputs, widths) = (actor.observation_len(), widths.join(" - "));
+    let precision = actor.layers.first().map(|layer| layer.weights.precision());
     text += &format!(
-        "  network {inputs} - {widths}, {:?}, head {:?}\n",
-        actor.activation, actor.head
+        "  network {inputs} - {widths}, {:?}, head {:?}, weights in {:?}\n",
+        actor.activation,
+        actor.head,
+        precision.unwrap_or(Precision::F32)
     );
     text += &format!(
         "  reproduces its golden vectors: {} actions, {} steps\n",
@@ -46,23 +36,63 @@ pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
     Ok(text)
 }
 
+fn training(identity: &Identity) -> String {
+    let ([least, most], curriculum) = (identity.latency, &identity.curriculum);
+    format!(
+        "  trained with a latency from {least} to {most} s\n  \
+         the curriculum had reached {:?} to {:?} m/s, m/s, rad/s, C_v {:.2}, C_foot {:.2}\n",
+        curriculum.lower, curriculum.upper, curriculum.velocity_factor, curriculum.foot_factor
+    )
+}
+
+/// The entries that training saw in the narrowest and the widest range.
+fn bounds(policy: &Policy) -> String {
+    let bounds = policy.bounds();
+    let sizes = bounds
+        .lower
+        .iter()
+        .zip(&bounds.upper)
+        .map(|(lower, upper)| upper - lower);
+    let sizes: Vec<f32> = sizes.collect();
+    let order = |a: &usize, b: &usize| sizes[*a].total_cmp(&sizes[*b]);
+    let entry = |index: Option<usize>| {
+        let index = index.unwrap_or(0);
+        let name = policy.spec().entry_name(index).unwrap_or_default();
+        format!("{name} from {:.4} to {:.4}", bounds.lower[index], bounds.upper[index])
+    };
+    let (narrowest, widest) = ((0..sizes.len()).min_by(order), (0..sizes.len()).max_by(order));
+    format!(
+        "  observations are clipped: {} ... {}\n",
+        entry(narrowest),
+        entry(widest)
+    )
+}
+
 fn spec(spec: &Spec) -> String {
     let mut text = format!(
-        "  {} Hz, observation of {} numbers:",
+        "  {} Hz, observation of {} numbers:\n",
         spec.control_hz,
         spec.observation_len()
     );
-    for &block in &spec.observation {
-        text += &format!(" {block:?} {}", spec.block_len(block));
+    for block in spec.layout() {
+        text += &format!(
+            "    {:<18} {:>3}  {}; {}\n",
+            block.name, block.len, block.unit, block.frame
+        );
     }
-    text += &format!("\n  action: {}\n", action(&spec.action));
+    text += &format!("  action: {}\n", action(&spec.action));
+    let [roll, pitch] = spec.upright;
+    text += &format!("  fallen beyond {roll} rad of roll or {pitch} rad of pitch\n");
     if let Some(clock) = &spec.clock {
         let symmetric = if spec.symmetry.is_some() {
             ", symmetric: the second half mirrors the first"
         } else {
             ""
         };
-        text += &format!("  clock with a period of {} s{symmetric}\n", clock.period);
+        text += &format!(
+            "  clock with a period of {} s, from phase {}{symmetric}\n",
+            clock.period, clock.reset_phase
+        );
     }
     let command = &spec.command;
     text += &format!(

@@ -130,6 +130,14 @@ fn tensors(checkpoint: &Checkpoint) -> Vec<Tensor> {
         .collect()
 }
 
+/// How far the run was when the checkpoint was written; without the wall time.
+///
+/// # Errors
+/// [`RestoreError`] when it is not in the checkpoint.
+pub fn progress(checkpoint: &Checkpoint) -> Result<Progress, RestoreError> {
+    postcard::from_bytes(checkpoint.get_any::<u8>(PROGRESS)?).map_err(RestoreError::Progress)
+}
+
 /// A trainer that goes on where `checkpoint` was written.
 ///
 /// # Errors
@@ -138,8 +146,7 @@ pub fn restore(checkpoint: &Checkpoint, settings: &Settings, robot: Arc<Robot>) 
     let mut trainer = Trainer::new(settings, robot)?;
     let (observations, actions) = (trainer.spec().observation_len(), trainer.spec().action_len());
     let agent = agent(checkpoint, settings, observations, actions)?;
-    let mut progress: Progress =
-        postcard::from_bytes(checkpoint.get_any::<u8>(PROGRESS)?).map_err(RestoreError::Progress)?;
+    let mut progress = progress(checkpoint)?;
     let seconds = checkpoint.metadata.get(WALL_SECONDS);
     progress.seconds = seconds.and_then(serde_json::Value::as_f64).unwrap_or(0.0);
     trainer.restore(agent, checkpoint.get_any::<u8>(ENVIRONMENTS)?, progress)?;

@@ -250,10 +250,7 @@ impl Trainer {
 
     /// Bounds of the region desired velocities are drawn from.
     pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
-        let command = &self.settings.env.command;
-        self.progress
-            .curriculum
-            .bounds(&self.settings.curriculum, command.lower, command.upper)
+        region(&self.settings, &self.progress)
     }
 
     fn apply_curriculum(&mut self) {
@@ -288,6 +285,14 @@ impl Trainer {
         let seconds = self.rollout.samples() as f64 / f64::from(self.settings.env.engine.control_hz);
         sum.scaled(1.0 / seconds)
     }
+}
+
+/// Bounds of the region desired velocities are drawn from when a run with `settings` is as far as `progress`.
+pub fn region(settings: &Settings, progress: &Progress) -> ([f64; 3], [f64; 3]) {
+    let command = &settings.env.command;
+    progress
+        .curriculum
+        .bounds(&settings.curriculum, command.lower, command.upper)
 }
 
 /// A world that went non-finite is cut off like a time-out: its last observation is the one before.

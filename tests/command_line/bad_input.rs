@@ -183,7 +183,7 @@ fn arguments_that_make_no_sense() {
         (&["train", "--resume", "--run", "none"], "none holds no run"),
         (&["train", "tiny.toml", "--run", "tiny.toml"], "tiny.toml"),
         (&["eval", "none"], "none holds no run"),
-        (&["eval", "tiny.toml"], "tiny.toml holds no run"),
+        (&["eval", "tiny.toml"], "tiny.toml: not a policy file"),
         (&["eval", "."], "holds no run"),
         (&["inspect", "none"], "cannot read none"),
         (&["inspect", "."], "is none of the files omniwalk knows"),

@@ -4,6 +4,9 @@ mod bad_input;
 mod bad_run;
 mod determinism;
 mod end_to_end;
+mod export;
+#[cfg(unix)]
+mod rehearse;
 mod run_folder;
 mod suites;
 mod support;

@@ -1,16 +1,20 @@
 //! How values lie in a policy file: little-endian, fields in order, no padding. The same list of fields makes the writer
 //! and the reader of a type.
 //!
-//! Numbers as they are, `bool` and tags as one byte, arrays item after item; a list is its length (u32) and its
-//! items, a text the same with UTF-8 bytes, an optional value a byte 0 or 1 and then the value if 1.
+//! Numbers as they are, `bool` as one byte, arrays item after item; a list is its length (u32) and its items, a text
+//! the same with UTF-8 bytes, an optional value a byte 0 or 1 and then the value if 1. What can be one of several things is
+//! a text that says which, then its fields.
 
 use alloc::{string::String, vec::Vec};
 
 use super::FileError;
 use crate::{
     actor::{Activation, Actor, Dense, Head},
-    policy::{Bounds, Golden, GoldenAction, GoldenStep, Identity},
+    golden::{Golden, GoldenAction, GoldenStep},
+    layout::BlockLayout,
+    policy::{Bounds, Curriculum, Identity},
     spec::*,
+    weights::Weights,
 };
 
 /// A section being read.
@@ -79,7 +83,7 @@ macro_rules! numbers {
     )*};
 }
 
-numbers!(u8, u16, u32, u64, f32);
+numbers!(u8, i8, u16, u32, u64, f32);
 
 impl Codec for bool {
     fn write(&self, out: &mut Vec<u8>) {
@@ -182,40 +186,66 @@ macro_rules! fields {
     };
 }
 
-/// Enumerations: a tag, then the fields of the variant.
-macro_rules! tags {
-    ($type:ident { $($tag:literal => $variant:ident $({ $field:ident })?),* }) => {
+/// Enumerations without fields: a text.
+macro_rules! names {
+    ($type:ident { $($name:literal => $variant:ident),* }) => {
         impl Codec for $type {
             fn write(&self, out: &mut Vec<u8>) {
-                match self {
-                    $(Self::$variant $({ $field })? => {
-                        out.push($tag);
-                        $($field.write(out);)?
-                    })*
-                }
+                let name: &str = match self { $(Self::$variant => $name),* };
+                String::from(name).write(out);
             }
 
             fn read(from: &mut Reader) -> Result<Self, FileError> {
-                match u8::read(from)? {
-                    $($tag => Ok(Self::$variant $({ $field: Codec::read(from)? })?),)*
-                    _ => Err(from.malformed(concat!("unknown tag of ", stringify!($type)))),
+                match String::read(from)?.as_str() {
+                    $($name => Ok(Self::$variant),)*
+                    _ => Err(from.malformed(concat!("unknown name of ", stringify!($type)))),
                 }
             }
         }
     };
 }
 
-fields!(Spec {
-    control_hz,
-    joints,
-    observation,
-    action,
-    clock,
-    symmetry,
-    command,
-    legs,
-    inertial_frame_period
-});
+impl Codec for Spec {
+    fn write(&self, out: &mut Vec<u8>) {
+        self.control_hz.write(out);
+        self.joints.write(out);
+        self.layout().write(out);
+        self.action.write(out);
+        self.clock.write(out);
+        self.symmetry.write(out);
+        self.command.write(out);
+        self.legs.write(out);
+        self.inertial_frame_period.write(out);
+        self.upright.write(out);
+    }
+
+    fn read(from: &mut Reader) -> Result<Self, FileError> {
+        let control_hz = Codec::read(from)?;
+        let joints = Codec::read(from)?;
+        let layout: Vec<BlockLayout> = Codec::read(from)?;
+        let known = |words: &BlockLayout| Block::ALL.into_iter().find(|block| block.name() == words.name);
+        let observation: Option<Vec<Block>> = layout.iter().map(known).collect();
+        let spec = Self {
+            control_hz,
+            joints,
+            observation: observation.ok_or_else(|| from.malformed("unknown block of the observation"))?,
+            action: Codec::read(from)?,
+            clock: Codec::read(from)?,
+            symmetry: Codec::read(from)?,
+            command: Codec::read(from)?,
+            legs: Codec::read(from)?,
+            inertial_frame_period: Codec::read(from)?,
+            upright: Codec::read(from)?,
+        };
+        if spec.layout() == layout {
+            Ok(spec)
+        } else {
+            Err(from.malformed("a block of the observation has another length, unit or frame here"))
+        }
+    }
+}
+
+fields!(BlockLayout { name, len, unit, frame });
 fields!(JointSpec {
     name,
     nominal,
@@ -231,7 +261,7 @@ fields!(ActionSpec {
     filter,
     torque_clamp
 });
-fields!(ClockSpec { period });
+fields!(ClockSpec { period, reset_phase });
 fields!(MirroredJoint { joint, sign });
 fields!(CommandSpec { rate, lower, upper });
 fields!(Leg {
@@ -264,7 +294,14 @@ fields!(Identity {
     seed,
     steps,
     program,
-    latency
+    latency,
+    curriculum
+});
+fields!(Curriculum {
+    lower,
+    upper,
+    velocity_factor,
+    foot_factor
 });
 fields!(Golden {
     actions,
@@ -283,11 +320,68 @@ fields!(GoldenStep {
     targets
 });
 
-tags!(Block {
-    0 => JointPosition, 1 => JointVelocity, 2 => Attitude, 3 => Gyro, 4 => VelocityInertial, 5 => VelocityBase,
-    6 => DesiredVelocity, 7 => CommandedVelocity, 8 => Clock, 9 => PreviousTarget
+names!(ActionLaw {
+    "increment_on_measured" => IncrementOnMeasured, "increment_on_target" => IncrementOnTarget,
+    "offset_from_nominal" => OffsetFromNominal
 });
-tags!(ActionLaw { 0 => IncrementOnMeasured, 1 => IncrementOnTarget, 2 => OffsetFromNominal });
-tags!(FilterSpec { 0 => Exponential { gain }, 1 => Butterworth { cutoff_hz } });
-tags!(Activation { 0 => Tanh, 1 => Elu, 2 => Relu });
-tags!(Head { 0 => Beta, 1 => Gaussian });
+names!(Activation { "tanh" => Tanh, "elu" => Elu, "relu" => Relu });
+names!(Head { "beta" => Beta, "gaussian" => Gaussian });
+
+/// What the file says of when a filter begins: all begin alike.
+const FILTER_START: &str = "first_action";
+
+impl Codec for FilterSpec {
+    fn write(&self, out: &mut Vec<u8>) {
+        let (name, order, value): (&str, u8, f32) = match *self {
+            Self::Exponential { gain } => ("exponential", 1, gain),
+            Self::Butterworth { cutoff_hz } => ("butterworth", 2, cutoff_hz),
+        };
+        String::from(name).write(out);
+        order.write(out);
+        value.write(out);
+        String::from(FILTER_START).write(out);
+    }
+
+    fn read(from: &mut Reader) -> Result<Self, FileError> {
+        let (name, order, value) = (String::read(from)?, u8::read(from)?, f32::read(from)?);
+        if String::read(from)? != FILTER_START {
+            return Err(from.malformed("filters start at the first action"));
+        }
+        match (name.as_str(), order) {
+            ("exponential", 1) => Ok(Self::Exponential { gain: value }),
+            ("butterworth", 2) => Ok(Self::Butterworth { cutoff_hz: value }),
+            _ => Err(from.malformed("unknown filter")),
+        }
+    }
+}
+
+impl Codec for Weights {
+    fn write(&self, out: &mut Vec<u8>) {
+        let name: &str = match self {
+            Self::F32(_) => "f32",
+            Self::F16(_) => "f16",
+            Self::Int8 { .. } => "int8",
+        };
+        String::from(name).write(out);
+        match self {
+            Self::F32(weights) => weights.write(out),
+            Self::F16(bits) => bits.write(out),
+            Self::Int8 { scale, values } => {
+                scale.write(out);
+                values.write(out);
+            }
+        }
+    }
+
+    fn read(from: &mut Reader) -> Result<Self, FileError> {
+        match String::read(from)?.as_str() {
+            "f32" => Ok(Self::F32(Codec::read(from)?)),
+            "f16" => Ok(Self::F16(Codec::read(from)?)),
+            "int8" => Ok(Self::Int8 {
+                scale: Codec::read(from)?,
+                values: Codec::read(from)?,
+            }),
+            _ => Err(from.malformed("unknown precision of weights")),
+        }
+    }
+}

@@ -22,7 +22,7 @@ pub const MAGIC: [u8; 8] = *b"OMNIWALK";
 pub const VERSION: u32 = 1;
 
 /// Longest file that is read, bytes.
-pub const MAX_LEN: usize = 64 << 20;
+pub const MAX_LEN: usize = 16 << 20;
 
 const SECTIONS: [(&str, [u8; 4]); 5] = [
     ("spec", *b"spec"),

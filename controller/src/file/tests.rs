@@ -4,9 +4,11 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::{
-    policy::{Bounds, Identity},
+    golden::GoldenError,
+    policy::Bounds,
     spec::Spec,
-    testing::{actor, biped, biped_mirror},
+    testing::{actor, biped, biped_mirror, identity, policy_with},
+    weights::{Precision, Weights},
 };
 
 fn policy() -> Policy {
@@ -14,19 +16,7 @@ fn policy() -> Policy {
         symmetry: Some(biped_mirror()),
         ..biped()
     };
-    let (width, joints) = (spec.observation_len(), spec.action_len());
-    let bounds = Bounds {
-        lower: vec![-20.0; width],
-        upper: vec![f32::INFINITY; width],
-    };
-    let identity = Identity {
-        config_hash: [7; 32],
-        seed: 3,
-        steps: 1_000_000,
-        program: "omniwalk 0.1.0".into(),
-        latency: [0.0, 0.05],
-    };
-    Policy::new(spec, actor(width, &[24, 16], joints), bounds, identity).expect("the parts fit")
+    policy_with(spec, |_, _| {})
 }
 
 /// Puts the right checksums on a file that was changed.
@@ -56,6 +46,22 @@ fn a_policy_survives_writing_and_reading() {
     let again = Policy::from_bytes(&bytes).expect("what was written is right");
     assert_eq!(again, policy);
     assert_eq!(again.to_bytes(), bytes);
+}
+
+#[test]
+fn lower_precision_survives_as_well_and_costs_little() {
+    let full = policy();
+    let mut lengths = alloc::vec![full.to_bytes().len()];
+    for (precision, most) in [(Precision::F16, 2e-3), (Precision::Int8, 5e-2)] {
+        let small = full.with_precision(precision).expect("finite");
+        let bytes = small.to_bytes();
+        assert_eq!(Policy::from_bytes(&bytes), Ok(small.clone()));
+        let error = small.golden_error(&full);
+        assert!(error > 0.0 && error < most, "{precision:?}: {error}");
+        lengths.push(bytes.len());
+    }
+    assert!(lengths.is_sorted_by(|a, b| a > b), "{lengths:?}");
+    assert_eq!(full.golden_error(&full), 0.0);
 }
 
 #[test]
@@ -111,10 +117,16 @@ fn another_version_says_so() {
 #[test]
 fn a_network_that_was_exchanged_fails_its_golden_vectors() {
     let mut exchanged = policy();
-    exchanged.actor.layers[0].weights[5] += 0.5;
+    let Weights::F32(weights) = &mut exchanged.actor.layers[0].weights else {
+        panic!("weights are stored as they are");
+    };
+    weights[5] += 0.5;
     let error = Policy::from_bytes(&exchanged.to_bytes()).expect_err("another network");
     assert!(
-        matches!(error, FileError::Policy(PolicyError::Golden { what: "action", .. })),
+        matches!(
+            error,
+            FileError::Policy(PolicyError::Golden(GoldenError::Differs { what: "action", .. }))
+        ),
         "{error}"
     );
 }
@@ -129,7 +141,7 @@ fn a_loop_that_was_exchanged_fails_its_golden_vectors() {
         |policy| policy.spec.action.filter = None,
         |policy| policy.spec.action.law = crate::ActionLaw::OffsetFromNominal,
         |policy| policy.spec.observation.swap(0, 1),
-        |policy| policy.spec.clock = Some(crate::ClockSpec { period: 0.7 }),
+        |policy| policy.spec.clock.as_mut().expect("a clock").period = 0.7,
         |policy| policy.spec.legs[0].segments[3].translation[2] = -0.2,
     ];
     for (i, change) in changes.iter().enumerate() {
@@ -137,10 +149,25 @@ fn a_loop_that_was_exchanged_fails_its_golden_vectors() {
         change(&mut exchanged);
         let error = Policy::from_bytes(&exchanged.to_bytes()).expect_err("another loop");
         assert!(
-            matches!(error, FileError::Policy(PolicyError::Golden { .. })),
+            matches!(
+                error,
+                FileError::Policy(PolicyError::Golden(GoldenError::Differs { .. }))
+            ),
             "{i}: {error}"
         );
     }
+}
+
+#[test]
+fn a_block_that_means_something_else_is_refused() {
+    let mut bytes = policy().to_bytes();
+    let unit = bytes.windows(5).position(|window| window == b"rad/s").expect("a unit");
+    bytes[unit..unit + 5].copy_from_slice(b"deg/s");
+    forge(&mut bytes);
+    assert!(matches!(
+        Policy::from_bytes(&bytes),
+        Err(FileError::Malformed { section: "spec", .. })
+    ));
 }
 
 #[test]
@@ -194,7 +221,7 @@ fn a_network_of_the_thesis_is_at_most_one_point_three_megabytes() {
         lower: vec![-1e9; width],
         upper: vec![1e9; width],
     };
-    let policy = Policy::new(spec, actor(width, &[512, 512], joints), bounds, policy().identity).expect("fits");
+    let policy = Policy::new(spec, actor(width, &[512, 512], joints), bounds, identity()).expect("fits");
     let bytes: Vec<u8> = policy.to_bytes();
     assert!(bytes.len() <= 1_300_000, "{}", bytes.len());
     assert!(Policy::from_bytes(&bytes).is_ok());

@@ -316,24 +316,3 @@ proptest! {
         }
     }
 }
-
-/// `cargo test --release -p omniwalk-controller -- --ignored --nocapture time_of`
-#[test]
-#[ignore = "measures time"]
-fn time_of_observing_and_decoding() {
-    let spec = biped();
-    let mut pipeline = Pipeline::new(&spec).expect("valid");
-    let mut out = vec![0.0; spec.observation_len()];
-    let mut targets = nominal(&spec);
-    let steps = 200_000;
-    let start = std::time::Instant::now();
-    for _ in 0..steps {
-        let position: [f32; 10] = core::array::from_fn(|i| targets[i]);
-        pipeline.observe(&spec, &standing(&position, [0.1, 0.2, 0.3]), [0.4, 0.0, 0.1], &mut out);
-        pipeline.decode(&spec, &[0.5; 10], &mut targets);
-    }
-    std::println!(
-        "{:.2} us a step",
-        start.elapsed().as_secs_f64() * 1e6 / f64::from(steps)
-    );
-}

@@ -149,6 +149,7 @@ pub fn spec(robot: &Robot, config: &EnvConfig) -> Spec {
         },
         clock: config.clock.enabled.then_some(ClockSpec {
             period: config.clock.period as f32,
+            reset_phase: 0.0,
         }),
         symmetry: (config.clock.enabled && config.clock.symmetric)
             .then(|| robot.mirror_map())
@@ -160,6 +161,7 @@ pub fn spec(robot: &Robot, config: &EnvConfig) -> Spec {
         },
         legs: robot.legs(),
         inertial_frame_period: config.observation.inertial_frame_period as f32,
+        upright: [config.task.max_roll as f32, config.task.max_pitch as f32],
     }
 }
 

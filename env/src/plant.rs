@@ -1,0 +1,94 @@
+//! One robot in one world that takes joint targets whenever they come, as a real one does.
+
+use std::sync::Arc;
+
+use crate::actuators::Actuators;
+use crate::config::EnvConfig;
+use crate::engine::{self, BaseState, Engine, Start};
+use crate::error::EnvError;
+use crate::random::Stream;
+use crate::robot::Robot;
+use crate::sensors::Reading;
+use crate::task::shared::Shared;
+use crate::truth::Truth;
+
+/// A simulated robot with its servos and sensors.
+pub struct Plant {
+    shared: Shared,
+    engine: Box<dyn Engine>,
+    actuators: Actuators,
+    stream: Stream,
+    reading: Reading,
+}
+
+impl Plant {
+    /// `robot` in its nominal pose, in a world drawn with `seed` as `config` says.
+    ///
+    /// # Errors
+    /// [`EnvError`] when robot, configuration and engine do not fit together.
+    pub fn new(robot: &Arc<Robot>, config: &EnvConfig, seed: u64) -> Result<Self, EnvError> {
+        let shared = Shared::new(robot.clone(), config, seed)?;
+        let mut engine = engine::build(robot, config, 1)?;
+        let mut stream = Stream::new(seed, 0, 0);
+        let mut world = shared.nominal.clone();
+        shared.draw_world(&mut stream, &mut world);
+        engine.reset(0, &Start::nominal(robot), &world);
+        Ok(Self {
+            actuators: Actuators::new(robot, 1),
+            reading: Reading::zero(robot.policy.len()),
+            engine,
+            stream,
+            shared,
+        })
+    }
+
+    /// Sets the targets of the policy's joints, rad or m.
+    pub fn set_targets(&mut self, targets: &[f32]) {
+        for (joint, &target) in self.shared.joints.iter().zip(targets) {
+            let (lower, upper) = joint.limits;
+            self.actuators
+                .set_target(joint.dof, 0, f64::from(target).clamp(lower, upper));
+        }
+    }
+
+    /// One physics step.
+    pub fn step(&mut self) {
+        self.engine.step(self.actuators.drive(self.engine.joints()));
+    }
+
+    /// Reads the sensors, with noise where the configuration has it.
+    pub fn measure(&mut self) -> &Reading {
+        let (truth, state) = (self.truth(), self.engine.joints());
+        let joints = self.shared.joints.iter();
+        let joints = joints.map(|joint| (state.position[joint.dof], state.velocity[joint.dof]));
+        self.reading
+            .measure(&truth, joints, &self.shared.config.noise, &mut self.stream);
+        &self.reading
+    }
+
+    /// A latency as the configuration draws it, s.
+    pub fn draw_latency(&mut self) -> f64 {
+        self.shared.draw_latency(&mut self.stream) * self.shared.config.control_dt()
+    }
+
+    /// The torques of the policy's joints in the last step, N m or N.
+    pub fn torques(&self) -> Vec<f64> {
+        let torque = &self.engine.joints().torque;
+        self.shared.joints.iter().map(|joint| torque[joint.dof]).collect()
+    }
+
+    /// Pose and velocity of the base.
+    pub fn base(&self) -> BaseState {
+        self.engine.base(0)
+    }
+
+    /// The true motion of the base.
+    pub fn truth(&self) -> Truth {
+        Truth::new(&self.engine.base(0))
+    }
+
+    /// Whether the robot stands, by the configuration's bounds.
+    pub fn stands(&self) -> bool {
+        self.engine.is_finite(0) && self.shared.stands(&self.truth())
+    }
+}

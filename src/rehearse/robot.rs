@@ -1,0 +1,192 @@
+//! The robot's side: physics in real time, readings that arrive late, servos that hold what they were told last.
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use miette::{IntoDiagnostic, WrapErr};
+use omniwalk_env::plant::Plant;
+
+use super::clock::{now, sleep_until};
+use super::record::Record;
+use super::report::Report;
+use super::wire::{Commanded, Measured, Socket};
+use super::{BRAIN, ROBOT};
+use crate::deployed::Deployed;
+
+/// A simulation that is this late, ns, leaves out what it missed: the controller must not meet a robot in fast motion.
+const HOPELESS: u64 = 50_000_000;
+
+/// Walking, by the number of [`omniwalk_controller::Mode`].
+const WALKING: u32 = 0;
+
+/// A simulated robot at one end of the sockets.
+pub struct Simulated {
+    plant: Plant,
+    socket: Socket,
+    record: Record,
+    report: Report,
+    desired: [f32; 3],
+    /// Length of a physics step, ns.
+    dt: u64,
+    /// Physics steps of a control step.
+    substeps: u64,
+    /// Readings on their way, with the time they arrive.
+    underway: VecDeque<(u64, Measured)>,
+    /// When each reading was measured and the true velocity of the base then, in the base frame.
+    truths: Vec<(u64, [f64; 3])>,
+    mode: u32,
+    start: u64,
+    heard: u64,
+}
+
+impl Simulated {
+    /// The robot of `deployed`, asked to walk at `desired`, with its socket in `folder` and its log at `log`.
+    ///
+    /// # Errors
+    /// When robot and engine do not fit, or socket or log cannot be made.
+    pub fn new(deployed: &Deployed, desired: [f32; 3], seed: u64, folder: &Path, log: &Path) -> miette::Result<Self> {
+        let config = &deployed.settings.env;
+        let socket = Socket::open(&folder.join(ROBOT), &folder.join(BRAIN))
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot open a socket in {}", folder.display()))?;
+        Ok(Self {
+            plant: Plant::new(&deployed.robot, config, seed)?,
+            record: Record::create(log, &deployed.robot)?,
+            report: Report::default(),
+            dt: (config.physics_dt() * 1e9).round() as u64,
+            substeps: u64::from(config.substeps()),
+            underway: VecDeque::new(),
+            truths: Vec::new(),
+            mode: u32::MAX,
+            start: now(),
+            heard: now(),
+            socket,
+            desired,
+        })
+    }
+
+    /// Lives for `seconds` and reports. `tend` is called once a control step and says how many controllers were started
+    /// again so far.
+    ///
+    /// # Errors
+    /// What `tend` says, and when the log cannot be written.
+    pub fn run(mut self, seconds: f64, mut tend: impl FnMut() -> miette::Result<u32>) -> miette::Result<Report> {
+        self.start = now();
+        self.heard = self.start;
+        let end = self.start + (seconds * 1e9) as u64;
+        let (mut step, mut due) = (0u64, self.start);
+        while now() < end {
+            self.hear()?;
+            self.deliver();
+            let late = now().saturating_sub(due);
+            if late > HOPELESS {
+                self.report.physics_skipped += late / self.dt;
+                due = now();
+            }
+            if now() >= due {
+                if step.is_multiple_of(self.substeps) {
+                    self.sense()?;
+                    self.report.restarts = tend()?;
+                }
+                self.plant.step();
+                step += 1;
+                due += self.dt;
+            }
+            let arrival = self.underway.front().map_or(due, |(arrival, _)| *arrival);
+            sleep_until(due.min(arrival));
+        }
+        self.silence(now());
+        self.report.seconds = seconds;
+        self.record.finish()?;
+        Ok(self.report)
+    }
+
+    /// Takes the commands that have come; the servos get the newest.
+    fn hear(&mut self) -> miette::Result<()> {
+        while let Some(command) = self.socket.receive::<Commanded>() {
+            let time = now();
+            let Some(&(measured, velocity)) = self.truths.get(command.sequence as usize) else {
+                continue;
+            };
+            if command.targets.iter().any(|target| !target.is_finite()) {
+                return Err(miette::miette!(
+                    "the controller sent a target that is not a finite number"
+                ));
+            }
+            self.silence(time);
+            self.plant.set_targets(&command.targets);
+            self.record.targets(time - self.start, &command.targets)?;
+            let report = &mut self.report;
+            report.commands += 1;
+            report.deadline_misses += u64::from(command.late > 0.0);
+            report.latencies.push((time - measured) as f64 * 1e-9);
+            report.steps.push(command.duration as f64 * 1e-9);
+            report.note((time - self.start) as f64 * 1e-9, command.mode, command.fault);
+            report.out_of_range += u64::from(command.out_of_range > 0);
+            self.mode = command.mode;
+            if command.mode == WALKING && command.fault == 0 && report.fell.is_none() {
+                let miss = |axis: usize| f64::from(command.velocity[axis]) - velocity[axis];
+                report.walk.estimator.0 += (0..3).map(|axis| miss(axis).powi(2)).sum::<f64>();
+                report.walk.estimator.1 += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes how long nothing was heard until `time`.
+    fn silence(&mut self, time: u64) {
+        let silence = time.saturating_sub(self.heard) as f64 * 1e-9;
+        self.report.silence = self.report.silence.max(silence);
+        self.heard = time;
+    }
+
+    /// Sends the readings whose time has come.
+    fn deliver(&mut self) {
+        while self.underway.front().is_some_and(|(arrival, _)| *arrival <= now()) {
+            if let Some((_, measured)) = self.underway.pop_front() {
+                self.socket.send(&measured);
+            }
+        }
+    }
+
+    fn sense(&mut self) -> miette::Result<()> {
+        let time = now();
+        let truth = self.plant.truth();
+        let since = time - self.start;
+        if !self.plant.stands() && self.report.fell.is_none() {
+            self.report.fell = Some(since as f64 * 1e-9);
+        }
+        if self.mode == WALKING && self.report.fell.is_none() {
+            let [along, left] = truth.velocity_along(truth.heading);
+            let walk = &mut self.report.walk;
+            walk.steps += 1;
+            let sums = walk.velocity.iter_mut().zip([along, left, truth.vertical_turn]);
+            sums.for_each(|(sum, x)| *sum += x);
+        }
+        self.truths.push((time, truth.velocity.into()));
+        let latency = (self.plant.draw_latency() * 1e9) as u64;
+        let (torques, turned) = (self.plant.torques(), self.plant.base().orientation);
+        let reading = self.plant.measure();
+        self.record.reading(
+            since,
+            reading,
+            torques,
+            [turned.i, turned.j, turned.k, turned.w],
+            self.desired,
+        )?;
+        let measured = Measured {
+            sequence: self.truths.len() as u64 - 1,
+            time,
+            desired: self.desired,
+            attitude: reading.attitude,
+            gyro: reading.gyro,
+            position: reading.position.clone(),
+            velocity: reading.velocity.clone(),
+        };
+        // A bus keeps the order.
+        let last = self.underway.back().map_or(0, |(arrival, _)| *arrival);
+        self.underway.push_back(((time + latency).max(last), measured));
+        self.report.readings += 1;
+        Ok(())
+    }
+}

@@ -1,0 +1,110 @@
+//! `omniwalk rehearse`: two processes that must cope with each other's absence.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use crate::support::{robot, succeeds, tiny};
+use serde_json::Value;
+
+/// A policy that has not learned anything and may hardly move: it stands.
+fn policy(folder: &Path) {
+    fs::write(folder.join("tiny.toml"), tiny()).unwrap();
+    let train = ["train", "tiny.toml", "--run", "run", "--engine", "lanes", "--quiet"];
+    let still = ["--set", "action.scale=0.02", "--set", "randomise.pd_noise=0.0"];
+    succeeds(folder, &[&train[..], &still].concat());
+    succeeds(folder, &["export", "run", "--out", "p.omni"]);
+}
+
+/// Starts a rehearsal of `seconds` with the signals of `disturb`, which gets the processes of robot and controller.
+fn rehearse(folder: &Path, seconds: &str, disturb: impl FnOnce(u32, u32)) -> Value {
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin("omniwalk"))
+        .current_dir(folder)
+        .args(["rehearse", "p.omni", "--seconds", seconds, "--command", "0,0,0"])
+        .args(["--log", "log.mcap", "--json", "result.json", "--robot"])
+        .arg(robot("nimbro_op2x"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(process.stdout.take().unwrap()).lines();
+    let line = lines.next().unwrap().unwrap();
+    let controller = line.strip_prefix("controller: process ").expect(&line).parse().unwrap();
+    disturb(process.id(), controller);
+    finish(&mut process);
+    lines.for_each(drop);
+    serde_json::from_str(&fs::read_to_string(folder.join("result.json")).unwrap()).unwrap()
+}
+
+fn finish(robot: &mut Child) {
+    assert!(robot.wait().unwrap().success());
+}
+
+fn signal(process: u32, name: &str) {
+    let status = Command::new("kill")
+        .args([name, &process.to_string()])
+        .status()
+        .unwrap();
+    assert!(status.success());
+}
+
+#[test]
+fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    policy(folder);
+    let result = rehearse(folder, "4", |_, _| {});
+    let number = |pointer: &str| result.pointer(pointer).and_then(Value::as_f64).expect(pointer);
+    assert!(number("/readings") > 20.0 && number("/commands") > 20.0, "{result}");
+    assert_eq!(number("/restarts"), 0.0);
+    assert!(result["fell_after_s"].is_null(), "{result}");
+    // A reading is at least as old as the physics step in which it is used.
+    assert!(number("/latency_ms/p50") > 0.0 && number("/latency_ms/max") >= number("/latency_ms/p99"));
+    assert!(number("/step_us/p50") > 0.0);
+    let log = succeeds(folder, &["inspect", "log.mcap"]).out;
+    for topic in ["/joint_states", "/joint_commands", "/imu", "/cmd_vel"] {
+        assert!(log.contains(topic), "{topic} is not in\n{log}");
+    }
+
+    // The controller's process stops for a second: the servos hold.
+    let result = rehearse(folder, "9", |_, controller| {
+        sleep(Duration::from_secs(3));
+        signal(controller, "-STOP");
+        sleep(Duration::from_secs(1));
+        signal(controller, "-CONT");
+    });
+    assert!(result["longest_silence_s"].as_f64().unwrap() > 0.9, "{result}");
+    assert_eq!(result["restarts"], 0);
+    recovered(&result);
+
+    // It dies: another takes over.
+    let result = rehearse(folder, "8", |_, controller| {
+        sleep(Duration::from_secs(3));
+        signal(controller, "-KILL");
+    });
+    assert_eq!(result["restarts"], 1, "{result}");
+    recovered(&result);
+
+    // The robot is gone for a second: the controller holds, then goes to the nominal pose.
+    let result = rehearse(folder, "9", |robot, _| {
+        sleep(Duration::from_secs(3));
+        signal(robot, "-STOP");
+        sleep(Duration::from_secs(1));
+        signal(robot, "-CONT");
+    });
+    assert!(result["physics_skipped"].as_u64().unwrap() > 100, "{result}");
+    recovered(&result);
+}
+
+/// It walks again or stands in the nominal pose, and the robot has not fallen: a machine with much else to do may keep it from
+/// walking, as readings are stale then, but not from standing.
+#[track_caller]
+fn recovered(result: &Value) {
+    let changes = result["changes"].as_array().unwrap();
+    let last = changes.last().unwrap();
+    assert!(["walking", "resting"].contains(&last[1].as_str().unwrap()), "{result}");
+    assert!(result["fell_after_s"].is_null(), "{result}");
+    assert!(result["commands"].as_u64().unwrap() > 50, "{result}");
+}
