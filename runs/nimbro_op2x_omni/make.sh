@@ -26,3 +26,4 @@ for seed in ${*:-1 2 3 4 5}; do
     done
     awk 'NR == 1 || NR % 40 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done
+"$omniwalk" export "$out/seed-1" --out "$here/policy.omni"
