@@ -142,6 +142,7 @@ impl Agent {
                 Err(StateError::Missing(_)) => values.fill(unknown),
                 found => *values = found?.to_vec(),
             }
+            value(!values.iter().any(|x| x.is_nan()), name)?;
         }
         agent.normaliser.refresh();
         load_network("actor", &mut agent.actor, tensors)?;

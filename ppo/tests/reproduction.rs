@@ -98,6 +98,9 @@ fn states_that_do_not_fit_are_refused() {
     ));
     assert!(is_value(load(|t| t[0].data = TensorData::F64(vec![-1.0]))));
     assert!(is_value(load(|t| t[4].data = TensorData::F64(vec![-1.0; 4]))));
+    assert!(is_value(load(|t| t[5].data = TensorData::F32(vec![f32::NAN; 4]))));
+    // States of before the range was kept can do without.
+    assert_eq!(load(|t| drop(t.drain(5..7))), None);
     let last = |t: &mut Vec<Tensor>| t.last_mut().unwrap().data = TensorData::F32(vec![-1.0]);
     assert!(is_value(load(last)));
     assert!(matches!(

@@ -184,6 +184,8 @@ fn arguments_that_make_no_sense() {
         (&["train", "tiny.toml", "--run", "tiny.toml"], "tiny.toml"),
         (&["eval", "none"], "none holds no run"),
         (&["eval", "tiny.toml"], "tiny.toml: not a policy file"),
+        (&["rehearse", "tiny.toml"], "tiny.toml: not a policy file"),
+        (&["export", "tiny.toml"], "required arguments were not provided"),
         (&["eval", "."], "holds no run"),
         (&["inspect", "none"], "cannot read none"),
         (&["inspect", "."], "is none of the files omniwalk knows"),
