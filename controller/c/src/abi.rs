@@ -1,17 +1,16 @@
-//! The functions of the C header, and the only `unsafe` of the crate: what a caller in C promises is said at each function,
-//! and everything that can be checked is checked (null pointers, lengths, indices, texts).
+//! The functions of the C header: what a caller in C promises is said at each function, and everything that can be checked is
+//! checked. With `caller` the only `unsafe` of the crate.
 #![allow(unsafe_code)]
 
-use std::cell::RefCell;
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::c_char;
 use std::fs::File;
 use std::io::Read;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::slice;
 
 use omniwalk_controller::file::MAX_LEN;
-use omniwalk_controller::{Controller, Policy, Sensors};
+use omniwalk_controller::{Controller, JointSpec, Policy, Sensors};
 
+use crate::caller::{MESSAGE, Refused, argument, array, given, given_mut, guarded, put, text, texts};
 use crate::types::{OwJoint, OwReadings, OwResult, OwStatus};
 
 /// A policy in its loop. One thread at a time.
@@ -20,53 +19,11 @@ pub struct OwController {
     controller: Controller,
 }
 
-/// Why a call was not done.
-type Refused = (OwResult, String);
-
-thread_local! {
-    static MESSAGE: RefCell<CString> = RefCell::default();
-}
-
-/// Runs `call`, catches its panics and notes why it was refused. Nothing allocates when all is well.
-fn guarded(call: impl FnOnce() -> Result<(), Refused>) -> OwResult {
-    let panicked = |_| Err((OwResult::Internal, "the controller panicked".to_owned()));
-    match catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(panicked) {
-        Ok(()) => OwResult::Ok,
-        Err((result, text)) => {
-            // Without zeros a text always is a C string.
-            let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
-            MESSAGE.set(text);
-            result
-        }
+impl OwController {
+    fn joint(&self, index: usize) -> Result<&JointSpec, Refused> {
+        let joint = self.policy.spec().joints.get(index);
+        joint.ok_or_else(|| argument("there is no joint of this index"))
     }
-}
-
-fn argument(text: &str) -> Refused {
-    (OwResult::Argument, text.to_owned())
-}
-
-/// # Safety
-/// `pointer` is null or points to a `T` that nobody else changes.
-unsafe fn given<'a, T>(pointer: *const T, name: &str) -> Result<&'a T, Refused> {
-    // SAFETY: as promised by the caller.
-    unsafe { pointer.as_ref() }.ok_or_else(|| argument(&format!("{name} is null")))
-}
-
-/// # Safety
-/// `pointer` is null or points to a `T` that nobody else uses.
-unsafe fn given_mut<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Refused> {
-    // SAFETY: as promised by the caller.
-    unsafe { pointer.as_mut() }.ok_or_else(|| argument(&format!("{name} is null")))
-}
-
-/// # Safety
-/// `pointer` is null or points to `len` values that nobody else changes.
-unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> Result<&'a [T], Refused> {
-    if pointer.is_null() {
-        return Err(argument(&format!("{name} is null")));
-    }
-    // SAFETY: as promised by the caller.
-    Ok(unsafe { slice::from_raw_parts(pointer, len) })
 }
 
 /// Why the last call of this thread was not done; empty before the first. Valid until the next call of this thread.
@@ -114,17 +71,6 @@ fn load(bytes: &[u8]) -> Result<OwController, Refused> {
     Ok(OwController { policy, controller })
 }
 
-/// # Safety
-/// `pointer` is null or a C string.
-unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Refused> {
-    if pointer.is_null() {
-        return Err(argument(&format!("{name} is null")));
-    }
-    // SAFETY: as promised by the caller.
-    let text = unsafe { CStr::from_ptr(pointer) };
-    text.to_str().map_err(|_| argument(&format!("{name} is not UTF-8")))
-}
-
 /// Gives a controller back; null is allowed.
 ///
 /// # Safety
@@ -169,12 +115,7 @@ pub unsafe extern "C" fn ow_joint(controller: *const OwController, index: usize,
     guarded(|| {
         // SAFETY: as promised by the caller.
         let (it, place) = unsafe { (given(controller, "controller")?, given_mut(joint, "joint")?) };
-        let joint = it
-            .policy
-            .spec()
-            .joints
-            .get(index)
-            .ok_or_else(|| argument("there is no joint of this index"))?;
+        let joint = it.joint(index)?;
         *place = OwJoint {
             nominal: joint.nominal,
             lower: joint.lower,
@@ -202,12 +143,7 @@ pub unsafe extern "C" fn ow_joint_name(
     guarded(|| {
         // SAFETY: as promised by the caller.
         let it = unsafe { given(controller, "controller")? };
-        let joint = it
-            .policy
-            .spec()
-            .joints
-            .get(index)
-            .ok_or_else(|| argument("there is no joint of this index"))?;
+        let joint = it.joint(index)?;
         // SAFETY: as promised by the caller.
         unsafe { put(&joint.name, buffer, size) }
     })
@@ -235,19 +171,6 @@ pub unsafe extern "C" fn ow_entry_name(
         // SAFETY: as promised by the caller.
         unsafe { put(&name, buffer, size) }
     })
-}
-
-/// # Safety
-/// `buffer` is null or points to `size` bytes that nobody else uses.
-unsafe fn put(text: &str, buffer: *mut c_char, size: usize) -> Result<(), Refused> {
-    if buffer.is_null() || size == 0 {
-        return Err(argument("buffer has no room"));
-    }
-    // SAFETY: as promised by the caller.
-    let place = unsafe { slice::from_raw_parts_mut(buffer, size) };
-    let bytes = text.bytes().take(size - 1).chain([0]);
-    place.iter_mut().zip(bytes).for_each(|(to, byte)| *to = byte as c_char);
-    Ok(())
 }
 
 /// Checks that the `count` names, the order in which you give readings and take targets, are the policy's. If not, `ow_message`
@@ -293,15 +216,6 @@ pub unsafe extern "C" fn ow_joint_map(
         unsafe { slice::from_raw_parts_mut(map, found.len()) }.copy_from_slice(&found);
         Ok(())
     })
-}
-
-/// # Safety
-/// `names` is null or points to `count` pointers, each null or a C string.
-unsafe fn texts<'a>(names: *const *const c_char, count: usize) -> Result<Vec<&'a str>, Refused> {
-    // SAFETY: as promised by the caller.
-    let names = unsafe { array(names, count, "names")? };
-    // SAFETY: as promised by the caller.
-    names.iter().map(|&name| unsafe { text(name, "a name") }).collect()
 }
 
 /// Starts an episode with the clock at `phase`, in cycles, or where the policy begins if that is not a number. The robot
@@ -460,18 +374,6 @@ pub unsafe extern "C" fn ow_golden_step(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_panic_becomes_a_result() {
-        let before = std::panic::take_hook();
-        std::panic::set_hook(Box::new(|_| {}));
-        let result = guarded(|| panic!("a mistake"));
-        std::panic::set_hook(before);
-        assert_eq!(result, OwResult::Internal);
-        // SAFETY: it is a C string of this thread.
-        let message = unsafe { CStr::from_ptr(ow_message()) };
-        assert_eq!(message.to_str(), Ok("the controller panicked"));
-    }
 
     #[test]
     fn null_pointers_and_noise_are_refused() {

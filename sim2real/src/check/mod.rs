@@ -4,6 +4,7 @@
 //! unfounded. It judges what the logs show, by the robot's limits and by what command, position and velocity say of
 //! each other; which parameters of a model the motion can tell is for the model to say.
 
+mod amounts;
 mod channel;
 mod relation;
 mod rules;

@@ -7,12 +7,8 @@ use super::relation::against_command;
 use super::{Fault, Finding, JointCheck, LogCheck, robot_joint};
 use crate::recording::{CommandKind, Recording};
 
-/// Fewest readings of a joint, over all logs: below it no interval of any parameter is worth its name.
-const FEWEST_READINGS: usize = 100;
-/// Least time of motion of all logs together, s.
-const LEAST_SECONDS: f64 = 1.0;
 /// Least range of motion, in units of noise or resolution, that is motion and not noise (six sigma each way).
-const LEAST_RANGE: f64 = 12.0;
+pub(super) const LEAST_RANGE: f64 = 12.0;
 /// Commanded range that should show in the position, rad or m, if it is also well above the resolution.
 const COMMANDED: f64 = 0.02;
 /// Lowest rate of readings that shows what a servo does, Hz.
@@ -40,9 +36,9 @@ pub(super) struct Findings {
 
 /// Where a finding is.
 #[derive(Clone, Copy, Default)]
-struct At<'a> {
-    log: Option<&'a str>,
-    joint: Option<&'a str>,
+pub(super) struct At<'a> {
+    pub log: Option<&'a str>,
+    pub joint: Option<&'a str>,
 }
 
 impl Findings {
@@ -79,12 +75,12 @@ impl Findings {
         found
     }
 
-    fn refuse(&mut self, fault: Fault, at: At<'_>, message: impl Into<String>) {
+    pub(super) fn refuse(&mut self, fault: Fault, at: At<'_>, message: impl Into<String>) {
         self.refusals.push(finding(fault, at, message.into()));
     }
 
     /// What is said of several logs in the same words is said once, of no log by name.
-    fn remark(&mut self, fault: Fault, at: At<'_>, message: impl Into<String>) {
+    pub(super) fn remark(&mut self, fault: Fault, at: At<'_>, message: impl Into<String>) {
         let new = finding(fault, at, message.into());
         let same = |old: &&mut Finding| (old.fault, &old.joint, &old.message) == (new.fault, &new.joint, &new.message);
         match self.remarks.iter_mut().find(same) {
@@ -380,68 +376,6 @@ impl Findings {
                     self.refuse(Fault::Swapped, at, message);
                 }
             }
-        }
-    }
-
-    /// Whether there is enough of everything, over all logs.
-    fn amounts(&mut self, logs: &[LogCheck], robot: &Robot) {
-        let mut moved = 0;
-        let mut seen = 0;
-        for d in 0..robot.dofs.len() {
-            let name = robot.dof(d).name.as_str();
-            let checks: Vec<&JointCheck> = logs
-                .iter()
-                .flat_map(|log| &log.joints)
-                .filter(|check| check.name == name)
-                .collect();
-            let readings: usize = checks.iter().map(|check| check.position.samples).sum();
-            if readings == 0 {
-                continue;
-            }
-            seen += 1;
-            let at = At {
-                log: None,
-                joint: Some(name),
-            };
-            if readings < FEWEST_READINGS {
-                let message =
-                    format!("{readings} readings in all logs together; at least {FEWEST_READINGS} are needed");
-                self.refuse(Fault::TooShort, at, message);
-            }
-            let moves = |check: &&&JointCheck| check.excitation.range_over_noise > LEAST_RANGE;
-            let [forward, backward] = [0, 1].map(|way| {
-                checks
-                    .iter()
-                    .any(|check| check.excitation.forward_backward_rest[way] > 0.05)
-            });
-            if checks.iter().find(moves).is_none() {
-                self.remark(
-                    Fault::LittleMotion,
-                    at,
-                    "does not move by more than noise and resolution: nothing can be said of it",
-                );
-                continue;
-            }
-            moved += 1;
-            if !(forward && backward) {
-                self.remark(
-                    Fault::LittleMotion,
-                    at,
-                    "moves one way only: friction cannot be told from a constant torque",
-                );
-            }
-        }
-        let seconds: f64 = logs.iter().map(|log| log.seconds).sum();
-        if seconds < LEAST_SECONDS {
-            let message = format!("{seconds:.2} s in all logs together; at least {LEAST_SECONDS} s are needed");
-            self.refuse(Fault::TooShort, At::default(), message);
-        }
-        if moved == 0 && seen > 0 {
-            self.refuse(
-                Fault::NoExcitation,
-                At::default(),
-                "no joint moves by more than noise and resolution: record motions, such as those of `omniwalk excite`",
-            );
         }
     }
 }
