@@ -148,6 +148,30 @@ fn rolling_friction_slows_a_rolling_ball_at_its_rate() {
     assert!(engine.base(0).linear_velocity.norm() < 2e-3);
 }
 
+/// A ball that is pushed with a torque below rolling friction's limit creeps at the speed that its brake, inertia / dt,
+/// answers with that torque: the inertia is what the ball feels through its axle's armature, not its own alone.
+#[test]
+fn rolling_friction_brakes_with_the_inertia_the_link_feels() {
+    let (dt, radius, force) = (1e-3, 0.1, 2.0);
+    for armature in [0.0, 0.02] {
+        let mut robot = ball();
+        robot.joints[0].axis = Vector3::y_axis();
+        robot.joints[0].passive.armature = armature;
+        let mut model = nominal(&robot);
+        model.friction.rolling = 0.05;
+        model.links[1].inertia *= 1e9;
+        let mut engine = single(&robot, dt, &Start::nominal(&robot), &model);
+        engine.push(0, Vector3::new(force, 0.0, 0.0));
+        run(&mut engine, &Drive::idle(1, 1), dt, 0.5);
+        let spin = engine.base(0).angular_velocity.y;
+        let creep = force * radius * dt / (0.4 * radius * radius + armature);
+        assert!(
+            (spin - creep).abs() < 0.01 * creep,
+            "{spin} rad/s, {creep} expected at {armature} kg m^2"
+        );
+    }
+}
+
 /// A sled at rest pushed below and above mu m g.
 #[test]
 fn push_at_the_base_moves_the_sled_only_beyond_friction() {

@@ -10,15 +10,18 @@
 //!   torque can be, with the inertia I that the link feels in the whole robot: stiffness `I / (5 dt^2)`, damping
 //!   `I / (2 dt)`. At the limit the resting place slides along. A bound by the link's own inertia is ten times softer: soles
 //!   creep round under the hip's torque, and policies from `lanes` fall.
-//! - **Rolling** is a brake that may stop the free link's rotation within a step but not turn it round. A spring here
-//!   would hold a sole tilted as it touched down: near-rigid impacts make N, and with it the limit, ten times the
-//!   weight for a step.
+//! - **Rolling** is a brake that may stop the link's rotation within a step but not turn it round, with the inertia the link
+//!   feels in the whole robot about the horizontal axis that turns most easily: below its limit the link creeps by
+//!   `torque dt / I`. With the foot's own inertia alone the brake is too weak to be rolling friction, and feet roll over
+//!   their edges. A spring here would hold a sole tilted as it touched down: near-rigid impacts make N, and with it the limit,
+//!   ten times the weight for a step.
 
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::convert;
+use super::inertia::Turning;
 use super::scene::{State, Toucher};
 use crate::engine::Friction;
 
@@ -52,13 +55,12 @@ const STIFFNESS: f64 = 0.2;
 const DAMPING: f64 = 0.5;
 
 impl Stick {
-    /// Torque of torsional and rolling friction on a link that turns with `angular_velocity` and feels `inertia` (kg m^2)
-    /// about the vertical, world axes, N m.
+    /// Torque of torsional and rolling friction on a link that turns with `angular_velocity` and feels `inertia`, world axes,
+    /// N m.
     pub(super) fn torque(
         &mut self,
-        body: &RigidBody,
         angular_velocity: &Vector3<f64>,
-        inertia: f64,
+        inertia: &Turning,
         friction: &Friction,
         force: &GroundForce,
         dt: f64,
@@ -72,9 +74,12 @@ impl Stick {
             angular_velocity.z,
             Vector3::new(angular_velocity.x, angular_velocity.y, 0.0),
         );
-        let mut torque = brake(body, &roll, friction.rolling * normal_force, dt);
+        let mut torque = brake(&roll, inertia.horizontal, friction.rolling * normal_force, dt);
         self.0 += spin * dt;
-        let (stiffness, damping) = (STIFFNESS * inertia / (dt * dt), DAMPING * inertia / dt);
+        let (stiffness, damping) = (
+            STIFFNESS * inertia.vertical / (dt * dt),
+            DAMPING * inertia.vertical / dt,
+        );
         let (wanted, limit) = (
             -(stiffness * self.0 + damping * spin),
             friction.torsional * normal_force,
@@ -89,14 +94,11 @@ impl Stick {
     }
 }
 
-/// A torque of at most `limit` against `velocity` that does not reverse the free body's rotation within `dt`.
-fn brake(body: &RigidBody, velocity: &Vector3<f64>, limit: f64, dt: f64) -> Vector3<f64> {
+/// A torque of at most `limit` against `velocity` that does not reverse the rotation of a body that feels `inertia` within `dt`.
+fn brake(velocity: &Vector3<f64>, inertia: f64, limit: f64, dt: f64) -> Vector3<f64> {
     let speed = velocity.norm();
     if speed == 0.0 || limit == 0.0 {
         return Vector3::zeros();
     }
-    let axis = velocity / speed;
-    let inverse = body.mass_properties().effective_world_inv_inertia;
-    let response = axis.dot(&convert::from_vector(inverse * convert::vector(&axis)));
-    axis * -limit.min(speed / (dt * response))
+    velocity * -(limit / speed).min(inertia / dt)
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Dyn, Matrix3, OMatrix, U6};
 use rapier3d_f64::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::scene::{Freedom, Scene, State};
 
@@ -10,8 +11,17 @@ use super::scene::{Freedom, Scene, State};
 pub(super) struct Effective {
     /// Of every degree of freedom, kg m^2 or kg.
     pub freedoms: Vec<f64>,
-    /// Of turning each toucher's link about the vertical, kg m^2.
-    pub touchers: Vec<f64>,
+    /// Of turning each toucher's link.
+    pub touchers: Vec<Turning>,
+}
+
+/// Inertias a link feels when it turns, kg m^2.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Turning {
+    /// About the vertical.
+    pub vertical: f64,
+    /// About the horizontal axis that turns most easily.
+    pub horizontal: f64,
 }
 
 /// Effective inertias in the present pose; zero where the mass matrix is singular.
@@ -31,14 +41,11 @@ pub(super) fn effective(scene: &Scene, state: &State) -> Effective {
     let Some(factor) = mass.cholesky() else {
         return Effective {
             freedoms: vec![0.0; scene.freedoms.len()],
-            touchers: vec![0.0; scene.touchers.len()],
+            touchers: vec![Turning::default(); scene.touchers.len()],
         };
     };
-    let felt = |row: DVector<f64>| {
-        let mobility = row.dot(&factor.solve(&row));
-        // A fixed link has no mobility and needs no friction.
-        if mobility > 0.0 { mobility.recip() } else { 0.0 }
-    };
+    // A fixed link has no mobility and needs no friction.
+    let felt = |mobility: f64| if mobility > 0.0 { mobility.recip() } else { 0.0 };
     let unit = |d: usize| {
         DVector::from_fn(
             base + scene.freedoms.len(),
@@ -47,10 +54,21 @@ pub(super) fn effective(scene: &Scene, state: &State) -> Effective {
     };
     let turn = |link: usize| {
         let jacobian: OMatrix<f64, U6, Dyn> = multibody.body_jacobian(link) * &ties;
-        felt(jacobian.row(5).transpose())
+        let rows = jacobian.fixed_rows::<3>(3).transpose();
+        let mobility: Matrix3<f64> = rows.transpose() * factor.solve(&rows);
+        let horizontal = mobility.fixed_view::<2, 2>(0, 0).into_owned();
+        Turning {
+            vertical: felt(mobility[(2, 2)]),
+            horizontal: felt(horizontal.symmetric_eigenvalues().max()),
+        }
     };
     Effective {
-        freedoms: (0..scene.freedoms.len()).map(|d| felt(unit(d))).collect(),
+        freedoms: (0..scene.freedoms.len())
+            .map(|d| {
+                let row = unit(d);
+                felt(row.dot(&factor.solve(&row)))
+            })
+            .collect(),
         touchers: scene.touchers.iter().map(|toucher| turn(toucher.link)).collect(),
     }
 }

@@ -6,7 +6,7 @@ use rapier3d_f64::prelude::*;
 use super::contact::{self, GroundForce, Stick};
 use super::convert;
 use super::drive::{Applied, Command, Memory};
-use super::inertia;
+use super::inertia::{self, Turning};
 use super::scene::{self, Scene, State};
 use crate::engine::{BaseState, Friction, Start, World};
 
@@ -41,7 +41,7 @@ pub(super) struct Lane {
     /// Torsional and rolling friction of each toucher.
     pub sticks: Vec<Stick>,
     /// Inertia each toucher's link feels about the vertical, in the pose of the reset, kg m^2.
-    pub inertias: Vec<f64>,
+    pub inertias: Vec<Turning>,
     /// False once the world has left the physically possible; it then stands still until it is reset.
     pub alive: bool,
     applied: Vec<Applied>,
@@ -90,7 +90,7 @@ impl Lane {
             joints: vec![JointNow::default(); scene.freedoms.len()],
             forces: vec![GroundForce::default(); scene.touchers.len()],
             sticks: vec![Stick::default(); scene.touchers.len()],
-            inertias: vec![0.0; scene.touchers.len()],
+            inertias: vec![Turning::default(); scene.touchers.len()],
             alive: false,
             applied: vec![Applied::default(); scene.freedoms.len()],
             pipeline: PhysicsPipeline::new(),
@@ -292,14 +292,14 @@ impl Lane {
         let origin = (body.position() * convert::pose(&self.base_offset)).translation;
         body.add_force_at_point(convert::vector(&self.push), origin, false);
         let sticking = self.sticks.iter_mut().zip(&self.inertias);
-        for ((toucher, force), (stick, &inertia)) in scene.touchers.iter().zip(&self.forces).zip(sticking) {
+        for ((toucher, force), (stick, inertia)) in scene.touchers.iter().zip(&self.forces).zip(sticking) {
             let jacobian = multibody.body_jacobian(toucher.link);
             let angular_velocity = jacobian.fixed_rows::<3>(3) * multibody.generalized_velocity();
             let body = &mut self.state.bodies[scene.bodies[toucher.link]];
             if toucher.link != 0 {
                 body.reset_torques(false);
             }
-            let torque = stick.torque(body, &angular_velocity, inertia, &self.friction, force, dt);
+            let torque = stick.torque(&angular_velocity, inertia, &self.friction, force, dt);
             body.add_torque(convert::vector(&torque), false);
         }
     }

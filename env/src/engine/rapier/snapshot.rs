@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::contact::{GroundForce, Stick};
 use super::drive::Memory;
+use super::inertia::Turning;
 use super::lane::{JointNow, Lane};
 use super::scene::{Scene, State};
 use crate::engine::Friction;
@@ -23,7 +24,7 @@ struct Episode {
     joints: Vec<JointNow>,
     forces: Vec<GroundForce>,
     sticks: Vec<Stick>,
-    inertias: Vec<f64>,
+    inertias: Vec<Turning>,
     alive: bool,
 }
 
