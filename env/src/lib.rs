@@ -8,6 +8,7 @@
 pub mod actuators;
 pub mod batch;
 pub mod config;
+pub mod effect;
 pub mod engine;
 mod error;
 pub mod plant;

@@ -34,7 +34,7 @@ impl Plant {
         shared.draw_world(&mut stream, &mut world);
         engine.reset(0, &Start::nominal(robot), &world);
         Ok(Self {
-            actuators: Actuators::new(robot, 1),
+            actuators: Actuators::new(robot, config.physics_dt(), 1),
             reading: Reading::zero(robot.policy.len()),
             engine,
             stream,
@@ -54,13 +54,16 @@ impl Plant {
     /// One physics step.
     pub fn step(&mut self) {
         self.engine.step(self.actuators.drive(self.engine.joints()));
+        self.actuators.sense(self.engine.joints());
     }
 
     /// Reads the sensors, with noise where the configuration has it.
     pub fn measure(&mut self) -> &Reading {
-        let (truth, state) = (self.truth(), self.engine.joints());
-        let joints = self.shared.joints.iter();
-        let joints = joints.map(|joint| (state.position[joint.dof], state.velocity[joint.dof]));
+        let (truth, state, actuators) = (self.truth(), self.engine.joints(), &self.actuators);
+        let joints = self.shared.joints.iter().map(|joint| {
+            let position = actuators.read(joint.dof, 0, &state.position);
+            (position, state.velocity[joint.dof])
+        });
         self.reading
             .measure(&truth, joints, &self.shared.config.noise, &mut self.stream);
         &self.reading
@@ -73,8 +76,11 @@ impl Plant {
 
     /// The torques of the policy's joints in the last step, N m or N.
     pub fn torques(&self) -> Vec<f64> {
-        let torque = &self.engine.joints().torque;
-        self.shared.joints.iter().map(|joint| torque[joint.dof]).collect()
+        let (state, actuators) = (self.engine.joints(), &self.actuators);
+        let joints = self.shared.joints.iter();
+        joints
+            .map(|joint| actuators.motor_torque(joint.dof, 0, state))
+            .collect()
     }
 
     /// Pose and velocity of the base.

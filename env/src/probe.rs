@@ -146,7 +146,7 @@ impl Rig {
         let shared = Shared::new(robot.clone(), config, 0)?;
         let engine = engine::build(robot, config, worlds)?;
         Ok(Self {
-            actuators: Actuators::new(robot, worlds),
+            actuators: Actuators::new(robot, config.physics_dt(), worlds),
             engine,
             shared,
         })

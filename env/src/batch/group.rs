@@ -47,7 +47,7 @@ impl Group {
     pub fn new(shared: &Shared, first: usize, worlds: usize) -> Result<Self, EnvError> {
         Ok(Self {
             engine: engine::build(&shared.robot, &shared.config, worlds)?,
-            actuators: Actuators::new(&shared.robot, worlds),
+            actuators: Actuators::new(&shared.robot, shared.config.physics_dt(), worlds),
             environments: (0..worlds)
                 .map(|w| Environment::new(shared, first + w))
                 .collect::<Result<_, _>>()?,
@@ -88,6 +88,7 @@ impl Group {
         let (dt, worlds) = (shared.config.physics_dt(), environments.len());
         for _ in 0..shared.config.substeps() {
             engine.step(actuators.drive(engine.joints()));
+            actuators.sense(engine.joints());
             let loads = engine.foot_loads();
             for (w, environment) in environments.iter_mut().enumerate() {
                 environment.forces(&loads[w..], worlds, dt);
@@ -101,7 +102,7 @@ impl Group {
     fn observe(&mut self, shared: &Shared, observations: &mut [f32]) {
         self.poses.look(&mut *self.engine);
         for (w, (environment, truth)) in self.environments.iter_mut().zip(&mut self.truths).enumerate() {
-            *truth = environment.sense(shared, &*self.engine, w, &self.poses);
+            *truth = environment.sense(shared, &*self.engine, &self.actuators, w, &self.poses);
         }
         let n = shared.spec.observation_len();
         let places = self.environments.chunks_mut(ROW).zip(self.truths.chunks(ROW));
@@ -148,7 +149,7 @@ impl Group {
             .collect();
         SavedGroup {
             environments: self.environments.clone(),
-            targets: self.actuators.targets().to_vec(),
+            targets: self.actuators.save(),
             observations: observations.to_vec(),
             worlds,
         }

@@ -12,6 +12,7 @@ use nalgebra::{IsometryMatrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{EngineKind, EnvConfig};
+use crate::effect::engine_passive;
 use crate::robot::{Inertial, Passive, Robot};
 
 /// Why an engine cannot be made.
@@ -71,7 +72,7 @@ impl World {
             friction,
             gravity: Vector3::new(0.0, 0.0, -GRAVITY),
             links: robot.links.iter().map(|link| link.inertial).collect(),
-            joints: robot.joints.iter().map(|joint| joint.passive).collect(),
+            joints: engine_passive(robot),
         }
     }
 }

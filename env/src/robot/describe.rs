@@ -3,6 +3,7 @@
 use std::fmt::{self, Write};
 
 use super::{Base, Joint, JointKind, Kinematics, Robot};
+use crate::effect::Site;
 
 /// Everything about a robot that decides how it moves: joints, links, feet, balance of the nominal pose, notes.
 pub fn describe(robot: &Robot) -> String {
@@ -29,6 +30,7 @@ fn write_all(out: &mut String, robot: &Robot) -> fmt::Result {
     )?;
     write_joints(out, robot)?;
     write_links(out, robot)?;
+    write_effects(out, robot)?;
     write_balance(out, robot)?;
     if !robot.notes.is_empty() {
         writeln!(out, "\nnotes")?;
@@ -107,6 +109,31 @@ fn write_links(out: &mut String, robot: &Robot) -> fmt::Result {
         .overlap_pairs
         .iter()
         .try_for_each(|&(a, b)| writeln!(out, "  overlap ends an episode: {} - {}", name(a), name(b)))
+}
+
+fn write_effects(out: &mut String, robot: &Robot) -> fmt::Result {
+    if !robot.effects.is_empty() {
+        writeln!(out, "\neffects")?;
+    }
+    for effect in &robot.effects {
+        let info = effect.kind.info();
+        let (name, sliding) = match info.site {
+            Site::Joint => {
+                let joint = robot.dof(effect.target);
+                (&joint.name, joint.kind == JointKind::Prismatic)
+            }
+            Site::Link => (&robot.links[effect.target].name, false),
+        };
+        write!(out, "  {:<24} {:<24}", info.id, name)?;
+        for (parameter, value) in info.parameters.iter().zip(&effect.values) {
+            write!(out, " {} {value} {}", parameter.name, parameter.scale.unit(sliding))?;
+        }
+        for (variable, grid) in effect.table.iter().flat_map(|table| &table.axes) {
+            write!(out, " over {} points of {}", grid.len(), variable.name())?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
 }
 
 fn write_balance(out: &mut String, robot: &Robot) -> fmt::Result {

@@ -163,7 +163,13 @@ fn nominal(
 }
 
 fn no_actuator(entry: &JointEntry, source: &Source, name: &str) -> Result<(), RobotError> {
-    let settings = [&entry.kp, &entry.kd, &entry.torque_limit, &entry.speed_limit];
+    let settings = [
+        &entry.kp,
+        &entry.kp_scale,
+        &entry.kd,
+        &entry.torque_limit,
+        &entry.speed_limit,
+    ];
     let Some(setting) = settings.into_iter().flatten().next() else {
         return Ok(());
     };
@@ -184,10 +190,16 @@ fn actuator(
     let torque_limit = value(&entry.torque_limit).or(positive(limit.effort));
     let speed_limit = value(&entry.speed_limit).or(positive(limit.velocity));
     let (kp, kd) = (value(&entry.kp), value(&entry.kd));
-    let asked = [&entry.kp, &entry.kd, &entry.torque_limit, &entry.speed_limit]
-        .into_iter()
-        .flatten()
-        .next();
+    let asked = [
+        &entry.kp,
+        &entry.kp_scale,
+        &entry.kd,
+        &entry.torque_limit,
+        &entry.speed_limit,
+    ]
+    .into_iter()
+    .flatten()
+    .next();
     let (Some(torque_limit), Some(speed_limit)) = (torque_limit, speed_limit) else {
         let missing = if torque_limit.is_none() {
             "torque_limit"
@@ -216,6 +228,7 @@ fn actuator(
     let kd = kd.unwrap_or(kp * DEFAULT_DAMPING_TIME);
     Ok(Some(Actuator {
         kp,
+        kp_scale: value(&entry.kp_scale).unwrap_or(1.0),
         kd,
         torque_limit,
         speed_limit,

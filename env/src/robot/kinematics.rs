@@ -4,7 +4,7 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::{Inertial, Joint, JointKind, Robot};
+use super::{Inertial, Joint, JointKind, Link, Robot};
 
 /// Poses and velocities of a robot's links in the world.
 #[derive(Clone, Debug)]
@@ -70,6 +70,20 @@ impl Kinematics {
                 JointKind::Prismatic => (carried + axis, self.angular[joint.parent]),
             };
         }
+    }
+
+    /// Inertia (kg m^2 or kg) that degree of freedom `dof` moves in this pose, all others held. Velocities are lost.
+    pub fn moved_inertia(&mut self, robot: &Robot, dof: usize) -> f64 {
+        let mut rates = vec![0.0; robot.dofs.len()];
+        rates[dof] = 1.0;
+        self.set_velocity(robot, &Vector3::zeros(), &Vector3::zeros(), &rates);
+        let of_link = |(i, link): (usize, &Link)| {
+            let (pose, angular) = (self.pose(i), self.angular_velocity(i));
+            let velocity = self.velocity_at(i, &(pose * Point3::from(link.inertial.com)));
+            let spin = pose.rotation.inverse() * angular;
+            link.inertial.mass * velocity.norm_squared() + spin.dot(&(link.inertial.inertia * spin))
+        };
+        robot.links.iter().enumerate().map(of_link).sum()
     }
 
     /// World pose of a link's frame.

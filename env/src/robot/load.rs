@@ -9,7 +9,7 @@ use super::settings::Settings;
 use super::source::{RobotError, Source};
 use super::tree::{self, Tree};
 use super::urdf::Urdf;
-use super::{Base, Kinematics, Robot, feet, joints, mirror};
+use super::{Base, Kinematics, Robot, effects, feet, joints, mirror};
 
 /// Smallest inertia (kg m^2) or mass (kg) that a degree of freedom may move.
 const SMALLEST_INERTIA: f64 = 1e-12;
@@ -40,8 +40,11 @@ pub fn load(path: &Path) -> Result<Robot, RobotError> {
     Ok(robot)
 }
 
-/// The URDF and, if there is one, the TOML.
-fn files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), RobotError> {
+/// The files that [`load`] reads: the URDF and, if there is one, the TOML.
+///
+/// # Errors
+/// When `path` is neither a robot's folder nor a URDF.
+pub fn files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), RobotError> {
     let file = path.display().to_string();
     let fault = |message: String, help: &str| RobotError::File {
         file: file.clone(),
@@ -119,6 +122,7 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         feet,
         mirror,
         overlap_pairs,
+        effects: Vec::new(),
         notes,
     };
     check_masses(&robot, urdf, &tree)?;
@@ -142,6 +146,7 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         let message = format!("the floating base link `{}` has no mass", robot.links[0].name);
         return Err(urdf.link_error(root, message, "give it an <inertial>, or set base = \"fixed\""));
     }
+    effects::add(&mut robot, settings, source)?;
     if let Some(words) = &settings.mirror {
         robot.mirror = Some(mirror::map(&robot, words, source)?);
     }
@@ -226,22 +231,7 @@ fn check_masses(robot: &Robot, urdf: &Urdf, tree: &Tree) -> Result<(), RobotErro
 /// Degrees of freedom that move neither mass nor inertia.
 fn massless(robot: &Robot) -> Vec<usize> {
     let mut kinematics = Kinematics::new(robot);
-    let (mut rates, zero) = (vec![0.0; robot.dofs.len()], Vector3::zeros());
-    let mut inertia = |dof: usize| -> f64 {
-        rates.fill(0.0);
-        rates[dof] = 1.0;
-        kinematics.set_velocity(robot, &zero, &zero, &rates);
-        let links = robot.links.iter().enumerate();
-        links
-            .map(|(i, link)| {
-                let (pose, angular) = (kinematics.pose(i), kinematics.angular_velocity(i));
-                let velocity = kinematics.velocity_at(i, &(pose * Point3::from(link.inertial.com)));
-                let spin = pose.rotation.inverse() * angular;
-                link.inertial.mass * velocity.norm_squared() + spin.dot(&(link.inertial.inertia * spin))
-            })
-            .sum()
-    };
     (0..robot.dofs.len())
-        .filter(|&dof| inertia(dof) < SMALLEST_INERTIA)
+        .filter(|&dof| kinematics.moved_inertia(robot, dof) < SMALLEST_INERTIA)
         .collect()
 }

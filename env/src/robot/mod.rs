@@ -6,6 +6,7 @@
 
 mod controller;
 mod describe;
+mod effects;
 mod feet;
 mod joints;
 mod kinematics;
@@ -20,10 +21,12 @@ mod urdf_text;
 
 pub use describe::describe;
 pub use kinematics::Kinematics;
-pub use load::load;
+pub use load::{files, load};
 pub use source::{ContentError, RobotError, Source};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+
+use crate::effect::Effect;
 
 /// How the base link is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +63,8 @@ pub struct Robot {
     pub mirror: Option<Vec<MirroredJoint>>,
     /// Pairs of links whose geometric overlap ends an episode as `leg_overlap` (soles, shanks): indices into `links`.
     pub overlap_pairs: Vec<(usize, usize)>,
+    /// What it does beyond the nominal model. Effects on bodies are in `links` already.
+    pub effects: Vec<Effect>,
     /// What loading had to assume: missing meshes, links without collision shape, defaults that were used.
     pub notes: Vec<String>,
 }
@@ -169,17 +174,26 @@ pub struct Passive {
     pub friction: f64,
 }
 
-/// A position servo: `torque = kp (target - q) - kd dq`, clamped by the torque-speed line.
+/// A position servo: `torque = kp_scale kp (target - q) - kd dq`, clamped by the torque-speed line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuator {
     /// Position gain, N m/rad (N/m).
     pub kp: f64,
+    /// Stiffness the joint really has over `kp`, the one that is set.
+    pub kp_scale: f64,
     /// Velocity gain, N m s/rad (N s/m).
     pub kd: f64,
     /// Largest torque at standstill, N m (N).
     pub torque_limit: f64,
     /// Speed at which no torque is left in the direction of motion, rad/s (m/s).
     pub speed_limit: f64,
+}
+
+impl Actuator {
+    /// Torque per position error, N m/rad (N/m).
+    pub fn stiffness(&self) -> f64 {
+        self.kp_scale * self.kp
+    }
 }
 
 /// A foot and its flat sole.

@@ -9,6 +9,7 @@
 //! [[joint]]                              # later entries win; `*` stands for any characters
 //! match = ["*_hip_pitch", "*_knee"]
 //! kp = 300.0
+//! kp_scale = 1.0                         # stiffness the joint really has over kp, the one that is set
 //! kd = 5.0
 //! torque_limit = 50.0                    # default: the URDF's effort
 //! speed_limit = 4.0                      # default: the URDF's velocity
@@ -33,6 +34,19 @@
 //! [[contact]]                            # more points that touch the ground
 //! link = "trunk"
 //! points = [[0.0, 0.0, 0.3]]
+//!
+//! [[effect]]                             # see `crate::effect` for names and parameters
+//! id = "stribeck_friction"
+//! match = ["*_knee"]
+//! torque = 0.4
+//! velocity = 0.2
+//!
+//! [[effect]]                             # a measured torque, linear between the points of its grid
+//! id = "residual_torque"
+//! match = ["left_knee"]
+//! over = ["position"]
+//! position = [-1.0, 0.0, 1.0]
+//! values = [0.1, 0.0, -0.1]
 //! ```
 
 use std::collections::BTreeMap;
@@ -59,7 +73,11 @@ pub(super) struct Settings {
     pub foot: Vec<FootEntry>,
     pub mirror: Option<Mirror>,
     pub contact: Vec<ContactEntry>,
+    pub effect: Vec<EffectEntry>,
 }
+
+/// The keys of an `[[effect]]`: which there are depends on its id.
+pub(super) type EffectEntry = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
 
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -84,6 +102,7 @@ pub(super) struct JointEntry {
     #[serde(rename = "match")]
     pub names: Vec<Spanned<String>>,
     pub kp: Option<Spanned<f64>>,
+    pub kp_scale: Option<Spanned<f64>>,
     pub kd: Option<Spanned<f64>>,
     pub torque_limit: Option<Spanned<f64>>,
     pub speed_limit: Option<Spanned<f64>>,
@@ -183,6 +202,7 @@ impl Settings {
             let JointEntry {
                 names: _,
                 kp,
+                kp_scale,
                 kd,
                 torque_limit,
                 speed_limit,
@@ -194,6 +214,7 @@ impl Settings {
             } = entry;
             for (to, from) in [
                 (&mut merged.kp, kp),
+                (&mut merged.kp_scale, kp_scale),
                 (&mut merged.kd, kd),
                 (&mut merged.torque_limit, torque_limit),
                 (&mut merged.speed_limit, speed_limit),
@@ -220,6 +241,7 @@ impl JointEntry {
         }
         for (value, lowest, help) in [
             (&self.kp, 0.0, "kp is a stiffness: zero or positive, N m/rad"),
+            (&self.kp_scale, 0.0, "kp_scale is a factor: zero or positive"),
             (&self.kd, 0.0, "kd is a damping: zero or positive, N m s/rad"),
             (&self.torque_limit, f64::MIN_POSITIVE, "a torque limit is positive, N m"),
             (&self.speed_limit, f64::MIN_POSITIVE, "a speed limit is positive, rad/s"),

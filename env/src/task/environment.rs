@@ -171,7 +171,7 @@ impl Environment {
         self.draw_start(shared, scratch);
         engine.reset(world, &scratch.start, &scratch.world);
         for (d, &position) in scratch.start.joints.iter().enumerate() {
-            actuators.set_target(d, world, position);
+            actuators.start(d, world, position, position);
         }
         let base = engine.base(world);
         let pose = Isometry3::from_parts(Translation3::from(base.position), base.orientation);
@@ -189,7 +189,9 @@ impl Environment {
         self.swing = Swing::default();
         let delay = shared.draw_latency(&mut self.stream);
         let Self { history, stream, .. } = self;
-        history.reset(delay, |reading| measure(reading, shared, engine, world, &truth, stream));
+        history.reset(delay, |reading| {
+            measure(reading, shared, (engine, actuators), world, &truth, stream)
+        });
         let turn = self.turn(shared, &truth, observation);
         turn.pipeline
             .observe(&shared.spec, &turn.sensors, turn.desired, turn.out);
@@ -230,7 +232,14 @@ impl Environment {
     }
 
     /// Ends a control step: looks at the robot and reads its sensors. `None` when its world has gone non-finite.
-    pub fn sense(&mut self, shared: &Shared, engine: &dyn Engine, world: usize, poses: &Poses) -> Option<Truth> {
+    pub fn sense(
+        &mut self,
+        shared: &Shared,
+        engine: &dyn Engine,
+        actuators: &Actuators,
+        world: usize,
+        poses: &Poses,
+    ) -> Option<Truth> {
         self.step += 1;
         if !engine.is_finite(world) {
             return None;
@@ -247,7 +256,7 @@ impl Environment {
         };
         self.redraw(shared);
         let Self { history, stream, .. } = self;
-        history.record(|reading| measure(reading, shared, engine, world, &truth, stream));
+        history.record(|reading| measure(reading, shared, (engine, actuators), world, &truth, stream));
         Some(truth)
     }
 
@@ -348,7 +357,7 @@ impl Environment {
 fn measure(
     reading: &mut Reading,
     shared: &Shared,
-    engine: &dyn Engine,
+    (engine, actuators): (&dyn Engine, &Actuators),
     world: usize,
     truth: &Truth,
     stream: &mut Stream,
@@ -356,7 +365,7 @@ fn measure(
     let (state, worlds) = (engine.joints(), engine.worlds());
     let joints = shared.joints.iter().map(|joint| {
         let k = joint.dof * worlds + world;
-        (state.position[k], state.velocity[k])
+        (actuators.read(joint.dof, world, &state.position), state.velocity[k])
     });
     reading.measure(truth, joints, &shared.config.noise, stream);
 }

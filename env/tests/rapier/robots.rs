@@ -50,6 +50,7 @@ pub fn robot(base: Base, links: Vec<Link>, joints: Vec<Joint>) -> Robot {
         feet: Vec::new(),
         mirror: None,
         overlap_pairs: Vec::new(),
+        effects: Vec::new(),
         notes: Vec::new(),
     }
 }

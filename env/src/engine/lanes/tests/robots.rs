@@ -50,6 +50,7 @@ pub fn robot(base: Base, links: Vec<Link>, joints: Vec<Joint>) -> Robot {
         feet: vec![],
         mirror: None,
         overlap_pairs: vec![],
+        effects: Vec::new(),
         notes: vec![],
     }
 }
@@ -128,6 +129,7 @@ pub fn biped() -> Robot {
             };
             joint.actuator = Some(Actuator {
                 kp: gain,
+                kp_scale: 1.0,
                 kd: 2.0,
                 torque_limit: 60.0,
                 speed_limit: 8.0,

@@ -1,0 +1,63 @@
+//! Putting an effect into a robot.
+
+use nalgebra::Vector3;
+
+use super::sensor::Sensor;
+use super::{Effect, Kind, body};
+use crate::robot::{Passive, Robot};
+
+/// Adds `effect` to `robot`: sets the joint's value, changes the link, or notes what the actuators are to run. An effect
+/// of the same kind on the same target is replaced where that can be: those of bodies add up.
+pub fn apply(robot: &mut Robot, effect: &Effect) {
+    let v = &effect.values;
+    match effect.kind {
+        Kind::Mass => body::scaled(&mut robot.links[effect.target].inertial, v[0]),
+        Kind::CentreOfMass => body::shifted(&mut robot.links[effect.target].inertial, Vector3::new(v[0], v[1], v[2])),
+        Kind::Payload => {
+            let place = Vector3::new(v[1], v[2], v[3]);
+            body::loaded(&mut robot.links[effect.target].inertial, v[0], place);
+        }
+        kind if !kind.runs() => {
+            let joint = robot.dofs[effect.target];
+            let joint = &mut robot.joints[joint];
+            match (kind, &mut joint.actuator) {
+                (Kind::CoulombFriction, _) => joint.passive.friction = v[0],
+                (Kind::ViscousFriction, _) => joint.passive.damping = v[0],
+                (Kind::Armature, _) => joint.passive.armature = v[0],
+                (Kind::TorqueLimit, Some(actuator)) => actuator.torque_limit = v[0],
+                (Kind::SpeedTorqueCurve, Some(actuator)) => actuator.speed_limit = v[0],
+                _ => {}
+            }
+            return;
+        }
+        _ => robot
+            .effects
+            .retain(|other| (other.kind, other.target) != (effect.kind, effect.target)),
+    }
+    robot.effects.push(effect.clone());
+}
+
+/// What engines are to know of the joints' passive dynamics: a rotor that backlash or elasticity make a body of its own
+/// is no part of the joint.
+pub fn engine_passive(robot: &Robot) -> Vec<Passive> {
+    let mut passive: Vec<Passive> = robot.joints.iter().map(|joint| joint.passive).collect();
+    for effect in &robot.effects {
+        if matches!(effect.kind, Kind::Backlash | Kind::Elasticity) && effect.values[0] > 0.0 {
+            passive[robot.dofs[effect.target]].armature = 0.0;
+        }
+    }
+    passive
+}
+
+/// The position (rad or m) of degree of freedom `d` at which its encoder says `reading`.
+pub fn true_position(robot: &Robot, d: usize, reading: f64) -> f64 {
+    let mut sensor = Sensor::default();
+    for effect in robot.effects.iter().filter(|effect| effect.target == d) {
+        match effect.kind {
+            Kind::SensorOffset => sensor.offset = effect.values[0],
+            Kind::SensorScale => sensor.scale = effect.values[0],
+            _ => {}
+        }
+    }
+    sensor.position(reading)
+}

@@ -1,0 +1,285 @@
+//! The effects of one joint in one world, run once a physics step between target and engine.
+
+use super::command::Command;
+use super::friction::Friction;
+use super::outside::Outside;
+use super::sensor::Sensor;
+use super::transmission::{Rotor, Servo, Transmission};
+use super::{Effect, Kind, Table, Variable};
+use crate::robot::Joint;
+
+/// What the effects of a joint are.
+#[derive(Clone, Debug)]
+pub(crate) struct Model {
+    dt: f64,
+    armature: f64,
+    command: Command,
+    friction: Friction,
+    transmission: Transmission,
+    sensor: Sensor,
+    outside: Outside,
+    table: Option<Table>,
+    /// Voltage at the motor over the one its data are for.
+    supply: f64,
+}
+
+/// What the effects of a joint remember from step to step.
+#[derive(Clone, Debug)]
+pub(crate) struct Memory {
+    targets: Ring,
+    readings: Ring,
+    /// The rate limiter's target.
+    followed: f64,
+    /// Velocity at the last step.
+    velocity: f64,
+    rotor: Rotor,
+    /// The motor's torque in the last step.
+    motor: f64,
+    /// What [`Model::step`] added to the engine's clamp.
+    shift: f64,
+}
+
+/// A joint's entries in [`crate::engine::Drive`].
+pub(crate) struct JointDrive<'a> {
+    pub target: &'a mut f64,
+    pub stiffness: &'a mut f64,
+    pub damping: &'a mut f64,
+    pub feed_forward: &'a mut f64,
+    pub torque_min: &'a mut f64,
+    pub torque_max: &'a mut f64,
+    pub friction: &'a mut f64,
+}
+
+/// What the servo was told.
+pub(crate) struct Told {
+    /// Position target as commanded, rad or m.
+    pub target: f64,
+    /// The servo's gains; zero where a torque is commanded.
+    pub stiffness: f64,
+    pub damping: f64,
+    /// Commanded torque, N m or N.
+    pub torque: f64,
+    /// Whether a torque is commanded instead of a position.
+    pub effort: bool,
+}
+
+impl Model {
+    /// The effects `effects` on `joint`, which moves `inertia` beside its armature. `None` where there are none.
+    pub fn new<'a>(joint: &Joint, inertia: f64, dt: f64, effects: impl Iterator<Item = &'a Effect>) -> Option<Self> {
+        let mut model = Self {
+            dt,
+            armature: joint.passive.armature,
+            command: Command::default(),
+            friction: Friction {
+                coulomb: joint.passive.friction,
+                ..Friction::default()
+            },
+            transmission: Transmission::default(),
+            sensor: Sensor::default(),
+            outside: Outside::default(),
+            table: None,
+            supply: 1.0,
+        };
+        let mut any = false;
+        for effect in effects {
+            any = true;
+            model.add(effect);
+        }
+        if model.transmission.is_split() {
+            model.transmission.couple(joint.passive.armature, inertia);
+        }
+        any.then_some(model)
+    }
+
+    fn add(&mut self, effect: &Effect) {
+        let v = &effect.values;
+        match effect.kind {
+            Kind::CommandDelay => self.command.delay = v[0] / self.dt,
+            Kind::CommandRateLimit => self.command.rate = v[0] * self.dt,
+            Kind::CommandDeadBand => self.command.dead_band = v[0],
+            Kind::CommandGain => self.command.gain = v[0],
+            Kind::CommandQuantisation => self.command.quantum = v[0],
+            Kind::SupplyVoltage => self.supply = v[0] / v[1],
+            Kind::StribeckFriction => (self.friction.stribeck, self.friction.stribeck_velocity) = (v[0], v[1]),
+            Kind::LoadDependentFriction => self.friction.load = v[0],
+            Kind::DirectionalFriction => {
+                (self.friction.more_forward, self.friction.more_damped_forward) = (v[0], v[1]);
+            }
+            Kind::Backlash => (self.transmission.gap, self.transmission.motor_encoder) = (v[0], v[1] > 0.5),
+            Kind::Elasticity => (self.transmission.compliance, self.transmission.motor_encoder) = (v[0], v[1] > 0.5),
+            Kind::PositionRipple => {
+                (self.outside.sine, self.outside.cosine, self.outside.frequency) = (v[0], v[1], v[2]);
+            }
+            Kind::SensorOffset => self.sensor.offset = v[0],
+            Kind::SensorScale => self.sensor.scale = v[0],
+            Kind::SensorDelay => self.sensor.delay = v[0] / self.dt,
+            Kind::ExternalForce => self.outside.constant = v[0],
+            Kind::ResidualTorque => self.table.clone_from(&effect.table),
+            Kind::TorqueLimit
+            | Kind::SpeedTorqueCurve
+            | Kind::CoulombFriction
+            | Kind::ViscousFriction
+            | Kind::Armature
+            | Kind::Mass
+            | Kind::CentreOfMass
+            | Kind::Payload => {}
+        }
+    }
+
+    /// Memory for a joint at rest at `position` whose command has been `input`.
+    pub fn memory(&self, position: f64, input: f64) -> Memory {
+        let followed = self.command.rounded(input);
+        Memory {
+            targets: Ring::new(self.command.delay, followed),
+            readings: Ring::new(self.sensor.delay, self.sensor.read(position)),
+            followed,
+            velocity: 0.0,
+            rotor: Rotor {
+                position,
+                velocity: 0.0,
+            },
+            motor: 0.0,
+            shift: 0.0,
+        }
+    }
+
+    /// The drive of the next step of a joint at `position` with `velocity`, under what the servo was `told` and the torque
+    /// `outside`; `torque` is the engine's drive torque of the last step.
+    pub fn step(
+        &self,
+        memory: &mut Memory,
+        drive: &mut JointDrive<'_>,
+        told: &Told,
+        outside: f64,
+        (position, velocity, torque): (f64, f64, f64),
+    ) {
+        if !self.transmission.is_split() {
+            memory.motor = torque - memory.shift;
+        }
+        let input = if told.effort { told.torque } else { told.target };
+        memory.targets.push(self.command.rounded(input));
+        let followed = self
+            .command
+            .follow(memory.targets.delayed(self.command.delay), &mut memory.followed);
+        let (asked, effort) = if told.effort {
+            (told.target, followed)
+        } else {
+            (self.sensor.position(followed), 0.0)
+        };
+        let at_motor = if self.transmission.is_split() && self.transmission.motor_encoder {
+            memory.rotor.position
+        } else {
+            position
+        };
+        let target = self.command.beyond_dead_band(asked, at_motor);
+        let (low, high) = (self.supply * *drive.torque_min, self.supply * *drive.torque_max);
+        let stiffness = told.stiffness * self.sensor.scale * self.supply;
+        let transmitted = memory.motor - self.armature * (velocity - memory.velocity) / self.dt;
+        *drive.friction = self.friction.bound(velocity, transmitted);
+        let table = self.table.as_ref().map_or(0.0, |table| {
+            table.torque(|variable| match variable {
+                Variable::Position => position,
+                Variable::Velocity => velocity,
+                Variable::Target => asked,
+                Variable::Torque => memory.motor,
+            })
+        });
+        let extra = self.friction.torque(velocity) + self.outside.torque(position) + table + outside;
+        memory.velocity = velocity;
+        if self.transmission.is_split() {
+            let servo = Servo {
+                target,
+                stiffness,
+                damping: told.damping,
+                feed_forward: effort,
+                torque_min: low,
+                torque_max: high,
+            };
+            let (coupling, motor) = self
+                .transmission
+                .step(&mut memory.rotor, &servo, position, velocity, self.dt);
+            memory.motor = motor;
+            (*drive.target, *drive.stiffness, *drive.damping) = (coupling.target, coupling.stiffness, coupling.damping);
+            *drive.feed_forward = coupling.feed_forward + extra;
+            (*drive.torque_min, *drive.torque_max) = (coupling.torque_min + extra, coupling.torque_max + extra);
+        } else {
+            (*drive.target, *drive.stiffness, *drive.damping) = (target, stiffness, told.damping);
+            *drive.feed_forward = effort + extra;
+            (*drive.torque_min, *drive.torque_max) = (low + extra, high + extra);
+        }
+        memory.shift = extra;
+    }
+
+    /// Reads the encoder of the joint at `position`, once a physics step.
+    pub fn read(&self, memory: &mut Memory, position: f64) -> f64 {
+        let behind = self.transmission.is_split() && self.transmission.motor_encoder;
+        let seen = if behind { memory.rotor.position } else { position };
+        memory.readings.push(self.sensor.read(seen));
+        memory.readings.delayed(self.sensor.delay)
+    }
+
+    /// Speed without load over the nominal one.
+    pub fn supply(&self) -> f64 {
+        self.supply
+    }
+}
+
+impl Memory {
+    /// Position of the rotor where it is a body of its own, else where the joint started, rad or m.
+    pub fn position(&self) -> f64 {
+        self.rotor.position
+    }
+
+    /// The motor's torque in the last step, N m or N.
+    pub fn motor_torque(&self) -> f64 {
+        self.motor
+    }
+
+    /// All numbers in a fixed order, for saving.
+    pub fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
+        let Self {
+            targets,
+            readings,
+            followed,
+            velocity,
+            rotor,
+            motor,
+            shift,
+        } = self;
+        [
+            followed,
+            velocity,
+            &mut rotor.position,
+            &mut rotor.velocity,
+            motor,
+            shift,
+        ]
+        .into_iter()
+        .chain(targets.0.iter_mut())
+        .chain(readings.0.iter_mut())
+    }
+}
+
+/// The last values, the newest first.
+#[derive(Clone, Debug)]
+struct Ring(Vec<f64>);
+
+impl Ring {
+    fn new(delay: f64, value: f64) -> Self {
+        Self(vec![value; delay.ceil() as usize + 2])
+    }
+
+    /// Delays are tens of steps at most: moving them all is as cheap as an index that wraps.
+    fn push(&mut self, value: f64) {
+        let last = self.0.len() - 1;
+        self.0.copy_within(..last, 1);
+        self.0[0] = value;
+    }
+
+    /// The value `delay` steps ago, linear between steps.
+    fn delayed(&self, delay: f64) -> f64 {
+        let whole = delay as usize;
+        let (younger, older) = (self.0[whole], self.0[whole + 1]);
+        younger + (delay - whole as f64) * (older - younger)
+    }
+}
