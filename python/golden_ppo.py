@@ -166,8 +166,8 @@ def update_case(name, config, mirror=None, seed=0):
         ratio = torch.exp(log_probability(head, new, actions) - old_log_probability)
         clipped = ratio.clamp(1 - config["clip"], 1 + config["clip"])
         surrogate = torch.min(ratio * advantages, clipped * advantages)
-        # Dual clip (Ye et al. 2020): with a negative advantage the surrogate ends at three times it.
-        surrogate = torch.where(advantages < 0, torch.max(surrogate, 3.0 * advantages), surrogate)
+        # Dual clip (Ye et al. 2020): with a negative advantage the surrogate ends at a multiple of it.
+        surrogate = torch.where(advantages < 0, torch.max(surrogate, config["dual_clip"] * advantages), surrogate)
         policy_loss = -surrogate.mean()
         entropy = new.entropy().sum(-1).mean()
         value_loss = 0.5 * ((critic(observations).squeeze(-1) - returns) ** 2).mean()
@@ -190,7 +190,7 @@ def update_case(name, config, mirror=None, seed=0):
 
 def update_cases():
     base = {"hidden": [8, 6], "activation": "tanh", "policy": "beta", "learning_rate": 0.03, "schedule": {"type": "fixed"},
-            "gamma": 0.97, "lambda": 0.9, "clip": 0.1, "epochs": 4, "minibatch": 1000, "entropy_weight": 0.05,
+            "gamma": 0.97, "lambda": 0.9, "clip": 0.1, "dual_clip": 3.0, "epochs": 4, "minibatch": 1000, "entropy_weight": 0.05,
             "value_weight": 0.7, "max_gradient_norm": 1000.0, "normalise_observations": True, "observation_clip": 2.0}
     mirror = {"observation": [[0, 1.0], [2, -1.0], [1, -1.0], [3, -1.0], [4, 1.0]], "action": [[1, 1.0], [0, 1.0], [2, -1.0]]}
     yield update_case("beta tanh", base, seed=1)

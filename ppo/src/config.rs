@@ -24,6 +24,10 @@ pub struct Config {
     pub lambda: f64,
     /// Range of the probability ratio: `1 - clip` to `1 + clip`.
     pub clip: f64,
+    /// Probability ratio beyond which a sample with a negative advantage teaches nothing more (dual clip, Ye et al. 2020);
+    /// 0: none. The clipped surrogate leaves such ratios unbounded, and mirror images, which the policy may find very
+    /// unlikely, reach thousands: one of them then outweighs a minibatch.
+    pub dual_clip: f64,
     /// Passes over the samples in an update.
     pub epochs: usize,
     /// Samples of a minibatch, mirrored ones among them. An update's samples are divided as evenly as possible.
@@ -122,6 +126,11 @@ impl Config {
         check(unit(self.gamma), "gamma", "0 to 1")?;
         check(unit(self.lambda), "lambda", "0 to 1")?;
         check(positive(self.clip) && self.clip < 1.0, "clip", "above 0, below 1")?;
+        check(
+            self.dual_clip == 0.0 || self.dual_clip.is_finite() && self.dual_clip > 1.0 + self.clip,
+            "dual_clip",
+            "0 for none, or above 1 + clip",
+        )?;
         check((1..=1000).contains(&self.epochs), "epochs", "1 to 1000")?;
         check((1..=1 << 24).contains(&self.minibatch), "minibatch", "1 to 16777216")?;
         check(

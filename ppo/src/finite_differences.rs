@@ -21,6 +21,7 @@ fn config(policy: Head, activation: Activation) -> Config {
         gamma: 0.9,
         lambda: 0.8,
         clip: 0.15,
+        dual_clip: 1.3,
         epochs: 1,
         minibatch: 100,
         entropy_weight: 0.02,
@@ -142,7 +143,13 @@ fn check(head: Head, activation: Activation) {
             let (new, entropy) = judge(head, &outputs(learned.actor, now, observation), action);
             let ratio = (new - old).exp();
             let bounded = ratio.clamp(1.0 - config.clip, 1.0 + config.clip);
-            -(ratio * advantage).min(bounded * advantage) - config.entropy_weight * entropy
+            let surrogate = (ratio * advantage).min(bounded * advantage);
+            let surrogate = if *advantage < 0.0 {
+                surrogate.max(config.dual_clip * advantage)
+            } else {
+                surrogate
+            };
+            -surrogate - config.entropy_weight * entropy
         };
         samples.iter().map(of).sum::<f64>() / count as f64
     };

@@ -5,7 +5,8 @@ use crate::rollout::{End, Rollout};
 /// Writes advantages and returns (advantage plus value), both `steps x environments`.
 ///
 /// `delta = r + gamma V' - V` and `A = delta + gamma lambda A'`, where the sum stops at the end of an episode. V' is the
-/// next step's value, 0 after a termination, and the bootstrap value after a time-out, which is not a fall.
+/// next step's value, 0 after a termination, and the bootstrap value after a time-out, which is not a fall. A lost step has no
+/// temporal difference, so that the steps before it end with its value.
 pub(crate) fn estimate(rollout: &Rollout, gamma: f64, lambda: f64, advantages: &mut [f32], returns: &mut [f32]) {
     let environments = rollout.environments;
     for environment in 0..environments {
@@ -18,6 +19,11 @@ pub(crate) fn estimate(rollout: &Rollout, gamma: f64, lambda: f64, advantages: &
                 End::None => {}
                 End::Terminated => (next_value, advantage) = (0.0, 0.0),
                 End::TimeOut => (next_value, advantage) = (f64::from(rollout.bootstrap_values[at]), 0.0),
+                End::Lost => {
+                    (advantages[at], returns[at]) = (0.0, rollout.values[at]);
+                    (next_value, advantage) = (value, 0.0);
+                    continue;
+                }
             }
             let delta = f64::from(rollout.rewards[at]) + gamma * next_value - value;
             advantage = delta + gamma * lambda * advantage;
@@ -39,6 +45,7 @@ mod tests {
         for k in step..rollout.steps {
             let at = k * rollout.environments + environment;
             let next = match rollout.ends[at] {
+                End::Lost => break,
                 End::Terminated => 0.0,
                 End::TimeOut => rollout.bootstrap_values[at],
                 End::None if k + 1 < rollout.steps => rollout.values[at + rollout.environments],
@@ -65,7 +72,7 @@ mod tests {
             let mut rollout = Rollout::new(steps, environments, 1, 1);
             for (at, &(reward, value, bootstrap, end)) in numbers[..rollout.samples()].iter().enumerate() {
                 (rollout.rewards[at], rollout.values[at], rollout.bootstrap_values[at]) = (reward, value, bootstrap);
-                rollout.ends[at] = [End::Terminated, End::TimeOut].get(usize::from(end)).copied().unwrap_or(End::None);
+                rollout.ends[at] = [End::Terminated, End::TimeOut, End::Lost].get(usize::from(end)).copied().unwrap_or(End::None);
             }
             rollout.last_values.iter_mut().zip(&numbers).for_each(|(to, from)| *to = from.1);
             let (mut advantages, mut returns) = (vec![0.0; rollout.samples()], vec![0.0; rollout.samples()]);

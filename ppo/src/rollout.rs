@@ -10,6 +10,8 @@ pub enum End {
     Terminated,
     /// The episode was cut off: its value goes on, see [`Rollout::bootstrap_values`].
     TimeOut,
+    /// The world broke: what the action led to is not known, and the sample is not learned from.
+    Lost,
 }
 
 /// Steps of a batch of environments, flat and row-major, first index step, second environment. Allocated once, filled

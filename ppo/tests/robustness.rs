@@ -30,6 +30,26 @@ fn a_rollout_with_a_number_that_is_not_finite_changes_nothing() {
 }
 
 #[test]
+fn a_lost_sample_teaches_nothing() {
+    let mut points = Points::new(16, 20);
+    let mut agent = Agent::new(config(), 4, 2, 5).unwrap();
+    points.collect(&mut agent);
+    points.rollout.ends[7] = End::Lost;
+    let mut learn = |reward: f32, action: f32| {
+        let mut agent = Agent::new(config(), 4, 2, 5).unwrap();
+        points.rollout.rewards[7] = reward;
+        points.rollout.actions[14..16].fill(action);
+        let stats = agent.update(&points.rollout, None, 1);
+        assert_eq!(stats.skipped, 0);
+        agent.save()
+    };
+    assert!(learn(0.0, 0.5) == learn(1e6, 0.9));
+    points.rollout.ends.fill(End::Lost);
+    let stats = agent.update(&points.rollout, None, 1);
+    assert_eq!(stats.steps, 0);
+}
+
+#[test]
 fn minibatches_with_an_overflowing_loss_are_skipped_and_counted() {
     let mut agent = Agent::new(Config { epochs: 1, ..config() }, 4, 2, 5).unwrap();
     let mut points = Points::new(16, 40);

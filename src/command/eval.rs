@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, WrapErr, miette};
-use omniwalk_controller::Controller;
+use omniwalk_controller::{Controller, Misfit};
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::shared::spec;
 use omniwalk_env::{Batch, EnvConfig};
@@ -110,6 +110,9 @@ pub fn run(args: &Args) -> miette::Result<()> {
         "seed": args.seed,
         "conditions": conditions(args.nominal),
     });
+    if !args.set.is_empty() {
+        result["set"] = json!(args.set);
+    }
     if args.suite.iter().any(|name| name == "forward") {
         loaded.forward(args, &mut result)?;
         loaded.save(args, &result)?;
@@ -180,6 +183,17 @@ impl Loaded {
         let robot = load::robot(args.robot.as_deref().unwrap_or(&args.run.join("robot")))?;
         let latest = load::latest(&run)?;
         let layout = spec(&robot, &settings.env);
+        let (trained, _) = load::settings(Some(&args.run.join("config.toml")), &[])?;
+        spec(&robot, &trained.env).check_robot(&layout).map_err(|misfit| {
+            miette::miette!(
+                help = "what the policy sees and how it acts stay as they were trained; conditions can be changed: noise, latency, friction, randomise, push, engine.kind, engine.physics_hz",
+                "`--set` does not fit the policy, {}",
+                match misfit {
+                    Misfit::Differs(found) => found.join("; "),
+                    other => other.to_string(),
+                }
+            )
+        })?;
         let agent = checkpoint::agent(
             &latest.checkpoint,
             &settings,

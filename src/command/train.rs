@@ -208,6 +208,13 @@ impl Session {
         let mut written = Instant::now();
         while self.trainer.progress().steps < total && !stop.load(Ordering::Relaxed) {
             let report = self.trainer.update();
+            if report.lost == report.samples as u64 {
+                miette::bail!(
+                    help = "no step can be computed: look at masses, gains and armature with `omniwalk inspect ROBOT`, or raise engine.physics_hz",
+                    "every world went non-finite in every step of update {}",
+                    self.trainer.progress().update
+                );
+            }
             let figures = metrics::figures(&self.trainer, &report);
             let noted = self.write(&figures);
             display.update(self.trainer.progress().steps, &figures, &started, first_step);

@@ -20,7 +20,7 @@ pub mod sessions;
 pub mod tensor;
 
 use std::fs::{self, File, TryLockError};
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use miette::Diagnostic;
@@ -102,8 +102,8 @@ impl RunFolder {
         if learned || run.config().exists() || run.metrics().exists() {
             return Err(RunError::Exists(path.to_owned()));
         }
-        // The lock is the first file of a start: without it, what is there is not ours.
-        let began = path.join(LOCK).exists();
+        // The lock is the first file of a start: without it, what is there is not ours. An empty one may be anybody's.
+        let began = fs::read(path.join(LOCK)).is_ok_and(|content| content == LOCK_CONTENT);
         let rest = ["checkpoints", "robot"]
             .into_iter()
             .filter(|name| path.join(name).exists());
@@ -232,6 +232,8 @@ pub fn files_of(folder: &Path, extension: &str) -> io::Result<Vec<PathBuf>> {
 
 /// Name of the file that is locked while a process trains.
 const LOCK: &str = ".lock";
+/// What is in it, so that another program's lock is not taken for the sign of a start that was cut off.
+const LOCK_CONTENT: &[u8] = b"omniwalk\n";
 
 fn lock(path: &Path) -> Result<File, RunError> {
     let file = path.join(LOCK);
@@ -239,12 +241,19 @@ fn lock(path: &Path) -> Result<File, RunError> {
         path: file.clone(),
         why,
     };
-    let handle = File::create(&file).map_err(|why| RunError::NotWritable {
+    let options = || File::options().create(true).truncate(false).write(true).open(&file);
+    let mut handle = options().map_err(|why| RunError::NotWritable {
         path: path.to_owned(),
         why,
     })?;
     match handle.try_lock() {
-        Ok(()) => Ok(handle),
+        Ok(()) => {
+            handle
+                .set_len(0)
+                .and_then(|()| handle.write_all(LOCK_CONTENT))
+                .map_err(io)?;
+            Ok(handle)
+        }
         Err(TryLockError::WouldBlock) => Err(RunError::Busy(path.to_owned())),
         Err(TryLockError::Error(why)) => Err(io(why)),
     }
@@ -287,9 +296,10 @@ mod tests {
         let robot = folder.path().join("robot");
         fs::create_dir(&robot).unwrap();
         fs::write(robot.join("a.urdf"), "mine").unwrap();
+        fs::write(folder.path().join(LOCK), "").unwrap();
         let taken = RunFolder::prepare(folder.path()).unwrap_err();
         assert!(matches!(taken, RunError::Taken { name: "robot", .. }), "{taken}");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
         fs::remove_dir_all(&robot).unwrap();
         let run = RunFolder::prepare(folder.path()).unwrap();
         run.checkpoints().save(&checkpoint::Checkpoint::new(0), 1).unwrap();

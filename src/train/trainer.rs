@@ -295,12 +295,12 @@ pub fn region(settings: &Settings, progress: &Progress) -> ([f64; 3], [f64; 3]) 
         .bounds(&settings.curriculum, command.lower, command.upper)
 }
 
-/// A world that went non-finite is cut off like a time-out: its last observation is the one before.
 fn learner_end(end: Option<End>) -> ppo::End {
     match end {
         None => ppo::End::None,
         Some(End::Fallen | End::Overlap) => ppo::End::Terminated,
-        Some(End::TimeOut | End::Lost) => ppo::End::TimeOut,
+        Some(End::TimeOut) => ppo::End::TimeOut,
+        Some(End::Lost) => ppo::End::Lost,
     }
 }
 

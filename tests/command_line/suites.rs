@@ -175,8 +175,12 @@ fn suites_that_cannot_be_played_are_refused() {
         ),
         (&["--suite", "push", "--seconds", "0.01"], "`eval.seconds` must be"),
         (
-            &["--suite", "changes,falls", "--set", "command.upper=[0.5, 0.6, 0.6]"],
-            "what `falls` asks for must be within the bounds the policy was trained for",
+            &["--suite", "changes", "--set", "clock.period=2.0"],
+            "`--set` does not fit the policy, clock is",
+        ),
+        (
+            &["--suite", "changes", "--set", "action.law=\"increment_on_target\""],
+            "`--set` does not fit the policy, action is",
         ),
     ] {
         let output = omniwalk(folder.path(), &[&["eval", "run"], arguments].concat());
@@ -188,4 +192,18 @@ fn suites_that_cannot_be_played_are_refused() {
         );
         assert!(!folder.path().join("run/eval.json").exists());
     }
+}
+
+#[test]
+fn a_suite_beyond_the_bounds_a_policy_was_trained_for_is_refused() {
+    let folder = folder();
+    let config = folder.path().join("run/config.toml");
+    let text = fs::read_to_string(&config).unwrap();
+    let narrow = text.replacen("upper = [0.6, 0.6, 0.6]", "upper = [0.5, 0.6, 0.6]", 1);
+    assert_ne!(narrow, text);
+    fs::write(&config, narrow).unwrap();
+    let output = omniwalk(folder.path(), &["eval", "run", "--suite", "changes,falls"]);
+    assert_eq!((output.code, output.out.as_str()), (2, ""), "{}", output.err);
+    let part = "what `falls` asks for must be within the bounds the policy was trained for";
+    assert!(output.message().contains(part), "{}", output.message());
 }

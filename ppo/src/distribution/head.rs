@@ -16,16 +16,13 @@ pub(crate) struct Samples<'a> {
     pub references: &'a [[f64; 3]],
 }
 
-/// Beyond this ratio a sample with a negative advantage teaches nothing more (dual clip, Ye et al. 2020). The clipped
-/// surrogate leaves such ratios unbounded, and mirror images, which the policy may find very unlikely, reach thousands:
-/// one of them then outweighs a minibatch.
-const RUNAWAY: f64 = 3.0;
-
 /// Constants of the loss.
 #[derive(Clone, Copy)]
 pub(crate) struct LossCoefficients {
     /// Range of the probability ratio: `1 - clip` to `1 + clip`.
     pub clip: f64,
+    /// Ratio beyond which a sample with a negative advantage teaches nothing more; infinity: none.
+    pub dual_clip: f64,
     pub entropy_weight: f64,
     /// One over the samples of the minibatch.
     pub scale: f64,
@@ -175,9 +172,9 @@ pub(crate) fn loss(
         let ratio = (log_probability - samples.log_probabilities[row]).exp();
         let bounded = ratio.clamp(1.0 - coefficients.clip, 1.0 + coefficients.clip);
         // The gradient passes where the unclipped term is the smaller one.
-        let runaway = advantage < 0.0 && ratio > RUNAWAY;
+        let runaway = advantage < 0.0 && ratio > coefficients.dual_clip;
         let active = ratio * advantage <= bounded * advantage && !runaway;
-        sums.policy_loss -= (ratio.min(RUNAWAY) * advantage).min(bounded * advantage);
+        sums.policy_loss -= (ratio.min(coefficients.dual_clip) * advantage).min(bounded * advantage);
         sums.entropy += scratch.entropy[0][of.clone()].iter().sum::<f64>();
         sums.kl += scratch.kl[of.clone()].iter().sum::<f64>();
         sums.clipped += f64::from(u8::from(bounded != ratio));

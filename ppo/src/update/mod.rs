@@ -13,7 +13,7 @@ use crate::{
     distribution::{LossCoefficients, LossSums},
     network::{Network, Tile},
     normaliser::Normaliser,
-    rollout::{Mirror, Rollout},
+    rollout::{End, Mirror, Rollout},
 };
 use chunk::{ActorHead, Chunk, CriticHead, gradient, record};
 use samples::Data;
@@ -89,17 +89,20 @@ impl Learner {
         key: u64,
     ) -> UpdateStats {
         let config = learned.config;
-        let samples = rollout.samples() * if mirror.is_some() { 2 } else { 1 };
-        let minibatches = ((samples + config.minibatch / 2) / config.minibatch).max(1);
+        let minibatches = |samples: usize| ((samples + config.minibatch / 2) / config.minibatch).max(1);
         let mut stats = UpdateStats {
             learning_rate: *learned.learning_rate,
             ..UpdateStats::default()
         };
-        if samples == 0 || !rollout.is_finite() {
-            stats.skipped = minibatches * config.epochs;
+        let learnable = rollout.ends.iter().any(|&end| end != End::Lost);
+        if !learnable || !rollout.is_finite() {
+            let samples = rollout.samples() * if mirror.is_some() { 2 } else { 1 };
+            stats.skipped = minibatches(samples) * config.epochs;
             return stats;
         }
         self.prepare(learned, rollout, mirror);
+        let samples = self.data.order.len();
+        let minibatches = minibatches(samples);
         stats.explained_variance = self.data.explained_variance(&rollout.values);
         let mut random = ChaCha8Rng::seed_from_u64(key);
         let mut total = MinibatchSums::default();
@@ -160,6 +163,11 @@ impl Learner {
     ) -> MinibatchSums {
         let coefficients = LossCoefficients {
             clip: config.clip,
+            dual_clip: if config.dual_clip > 0.0 {
+                config.dual_clip
+            } else {
+                f64::INFINITY
+            },
             entropy_weight: config.entropy_weight,
             scale: 1.0 / indices.len() as f64,
         };

@@ -8,7 +8,7 @@ use crate::{
     config::Config,
     gae,
     normaliser::Normaliser,
-    rollout::{Mirror, Rollout},
+    rollout::{End, Mirror, Rollout},
 };
 
 /// The samples of an update: those of the rollout, then their mirror images.
@@ -23,7 +23,7 @@ pub(super) struct Data {
     returns: Vec<f32>,
     pub log_probabilities: Vec<f64>,
     pub references: Vec<[f64; 3]>,
-    /// Sample indices in the order in which minibatches take them.
+    /// Indices of the samples to learn from, all but the lost ones, in the order in which minibatches take them.
     pub order: Vec<u32>,
     observation_len: usize,
     pub action_len: usize,
@@ -54,7 +54,11 @@ impl Data {
         self.returns.resize(count, 0.0);
         let (gamma, lambda) = (config.gamma, config.lambda);
         gae::estimate(rollout, gamma, lambda, &mut self.advantages, &mut self.returns);
-        standardise(&mut self.advantages);
+        let lost = |index: usize| rollout.ends[index % count] == End::Lost;
+        self.order.clear();
+        self.order
+            .extend((0..samples as u32).filter(|&index| !lost(index as usize)));
+        standardise(&mut self.advantages, |index| !lost(index));
         self.raw.resize(samples * observation_len, 0.0);
         self.observations.resize(samples * observation_len, 0.0);
         self.actions.resize(samples * action_len, 0.0);
@@ -76,8 +80,6 @@ impl Data {
         rows.zip(self.observations.par_chunks_exact_mut(observation_len))
             .with_min_len(256)
             .for_each(|(from, to)| normaliser.apply(0, from, to));
-        self.order.clear();
-        self.order.extend(0..samples as u32);
     }
 
     /// A sample's observation as the networks see it.
@@ -122,9 +124,10 @@ impl Data {
     }
 }
 
-/// Shifts and scales to mean 0 and standard deviation 1.
-fn standardise(values: &mut [f32]) {
-    let (mean, variance) = moments(values.iter().map(|&x| f64::from(x)), values.len());
+/// Shifts and scales to mean 0 and standard deviation 1 over the values whose index `counts`.
+fn standardise(values: &mut [f32], counts: impl Fn(usize) -> bool) {
+    let counted = || (0..values.len()).filter(|&index| counts(index));
+    let (mean, variance) = moments(counted().map(|index| f64::from(values[index])), counted().count());
     let scale = 1.0 / (variance.sqrt() + 1e-8);
     values
         .iter_mut()
@@ -132,6 +135,7 @@ fn standardise(values: &mut [f32]) {
 }
 
 fn moments(values: impl Iterator<Item = f64> + Clone, count: usize) -> (f64, f64) {
+    let count = count.max(1);
     let mean = values.clone().sum::<f64>() / count as f64;
     (
         mean,

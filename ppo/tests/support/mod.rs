@@ -17,6 +17,7 @@ pub fn config() -> Config {
         gamma: 0.95,
         lambda: 0.95,
         clip: 0.2,
+        dual_clip: 3.0,
         epochs: 5,
         minibatch: 256,
         entropy_weight: 0.0,
