@@ -9,12 +9,17 @@ const WIDEST: usize = 10_000;
 
 /// The report with its snippet, or, where a line of the source is too long to draw, with file, line and column alone.
 pub fn text(report: &Report) -> String {
-    let mut text = String::new();
     if drawable(report.as_ref()) {
-        let _ = write!(text, "{report:?}");
+        format!("{report:?}")
     } else {
-        plain(report.as_ref(), &mut text);
+        format!("Error: {}", plain(report))
     }
+}
+
+/// The report without drawings: what is wrong and why, file, line and column, help.
+pub fn plain(report: &Report) -> String {
+    let mut text = String::new();
+    sentence(report.as_ref(), &mut text);
     text
 }
 
@@ -44,15 +49,22 @@ fn places(diagnostic: &dyn Diagnostic) -> Vec<Place> {
     labels.filter_map(place).collect()
 }
 
-fn plain(diagnostic: &dyn Diagnostic, text: &mut String) {
-    let places: Vec<String> = places(diagnostic).into_iter().map(|place| place.text).collect();
-    let _ = writeln!(text, "Error: {diagnostic} [{}]", places.join(", "));
-    if let Some(help) = diagnostic.help() {
-        let _ = writeln!(text, "  help: {help}");
+fn sentence(diagnostic: &dyn Diagnostic, text: &mut String) {
+    let _ = write!(text, "{diagnostic}");
+    let mut cause = diagnostic.source();
+    while let Some(error) = cause {
+        let _ = write!(text, ": {error}");
+        cause = error.source();
     }
-    diagnostic
-        .related()
-        .into_iter()
-        .flatten()
-        .for_each(|other| plain(other, text));
+    let places: Vec<String> = places(diagnostic).into_iter().map(|place| place.text).collect();
+    if !places.is_empty() {
+        let _ = write!(text, " [{}]", places.join(", "));
+    }
+    if let Some(help) = diagnostic.help() {
+        let _ = write!(text, "\n  help: {help}");
+    }
+    for other in diagnostic.related().into_iter().flatten() {
+        text.push('\n');
+        sentence(other, text);
+    }
 }

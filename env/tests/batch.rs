@@ -45,6 +45,33 @@ fn batch(engine: EngineKind, environments: usize) -> Batch {
 }
 
 #[test]
+fn a_batch_with_another_seed_is_a_new_one_and_a_restart_leaves_the_episode_out() {
+    for engine in EngineKind::ALL {
+        let config = config(engine);
+        let new = |seed| Batch::new(robot("nimbro_op2x"), &config, 3, seed).unwrap();
+        let (mut fresh, mut reused) = (new(9), new(7));
+        let mut player = Player::new(1, &reused);
+        (0..80).for_each(|_| player.step(&mut reused));
+        reused.reseed(9);
+        let (mut one, mut other) = (Player::new(2, &fresh), Player::new(2, &reused));
+        for _ in 0..60 {
+            assert_eq!(bits(fresh.observations()), bits(reused.observations()), "{engine:?}");
+            one.step(&mut fresh);
+            other.step(&mut reused);
+            assert_eq!(fresh.terms(), reused.terms());
+        }
+        let (mut second, mut third) = (new(9), new(9));
+        let first = bits(second.observations());
+        second.restart();
+        assert_ne!(bits(second.observations()), first);
+        third.restart();
+        assert_eq!(bits(second.observations()), bits(third.observations()));
+        second.restart();
+        assert_ne!(bits(second.observations()), bits(third.observations()));
+    }
+}
+
+#[test]
 fn a_saved_batch_goes_on_with_the_same_bits() {
     for engine in EngineKind::ALL {
         let mut original = batch(engine, 5);

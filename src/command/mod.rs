@@ -10,4 +10,4 @@ pub mod rehearse;
 pub mod report;
 pub mod train;
 
-pub(crate) mod load;
+pub mod load;

@@ -24,7 +24,7 @@ use group::{Group, Rows, SavedGroup};
 
 /// A batch of environments. Row `e` of every array belongs to environment `e`.
 pub struct Batch {
-    shared: Arc<Shared>,
+    shared: Shared,
     groups: Vec<Group>,
     factors: Factors,
     observations: Vec<f32>,
@@ -56,7 +56,7 @@ impl Batch {
                 robot: robot.name.clone(),
             });
         }
-        let shared = Arc::new(Shared::new(robot, config, seed)?);
+        let shared = Shared::new(robot, config, seed)?;
         let width = engine::group_width(config).min(environments.max(1));
         let groups = (0..environments)
             .step_by(width)
@@ -122,10 +122,7 @@ impl Batch {
 
     /// Sets where every environment draws desired velocities from, from its next draw on.
     pub fn set_range(&mut self, range: CommandRange) {
-        self.groups
-            .iter_mut()
-            .flat_map(|group| &mut group.environments)
-            .for_each(|e| e.set_range(range));
+        self.each(|environment| environment.set_range(range));
     }
 
     /// Sets where environment `e` draws desired velocities from, from its next draw on.
@@ -156,6 +153,26 @@ impl Batch {
             .par_iter_mut()
             .zip(self.observations.par_chunks_mut(rows))
             .for_each(|(group, observations)| group.reset(shared, observations));
+    }
+
+    /// Ends every episode without a record and starts the next.
+    pub fn restart(&mut self) {
+        self.each(Environment::pass_over);
+        self.reset();
+    }
+
+    /// Starts over with the first episodes of `seed`, as in a new batch; what was set of commands and rewards stays.
+    pub fn reseed(&mut self, seed: u64) {
+        self.shared.seed = seed;
+        self.each(Environment::start_over);
+        self.reset();
+    }
+
+    fn each(&mut self, change: impl Fn(&mut Environment)) {
+        self.groups
+            .iter_mut()
+            .flat_map(|group| &mut group.environments)
+            .for_each(change);
     }
 
     /// One control step: `actions` in [0, 1], one row an environment.

@@ -156,6 +156,16 @@ impl Environment {
         &self.gait
     }
 
+    /// Leaves the running episode without a record: the next reset starts the one after it.
+    pub fn pass_over(&mut self) {
+        self.episode += 1;
+    }
+
+    /// The next reset starts the first episode.
+    pub fn start_over(&mut self) {
+        self.episode = 0;
+    }
+
     /// Starts an episode in `world` of `engine` and writes its first observation.
     pub fn reset(
         &mut self,

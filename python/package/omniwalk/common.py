@@ -1,0 +1,74 @@
+"""What the environments have in common: how they are configured, their spaces, their random seeds."""
+
+import json
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from omniwalk._native import Batch
+
+Config = str | PathLike[str] | None
+"""A TOML file that is laid over the defaults, or none."""
+
+Changes = Mapping[str, Any] | None
+"""Single settings by their dotted key, such as {"engine.kind": "rapier", "robot.path": "my_robot"}, laid over that."""
+
+
+def batch(config: Config, changes: Changes, environments: int | None, threads: int | None) -> Batch:
+    """Environments as arrays."""
+    words = [f"{key}={_toml(value)}" for key, value in (changes or {}).items()]
+    return Batch(config, words, environments, threads)
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, PathLike):
+        value = value.__fspath__()
+    return json.dumps(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
+
+
+def observation_space(given: Batch) -> spaces.Box:
+    """One robot's observation; `Batch.observation_names` says what its entries are."""
+    return spaces.Box(-np.inf, np.inf, (given.observation_len,), np.float32)
+
+
+def action_space(given: Batch) -> spaces.Box:
+    """One robot's action, an entry for each of `Batch.joints`: 0 is the middle of a joint's range."""
+    return spaces.Box(-1.0, 1.0, (given.action_len,), np.float32)
+
+
+def seed_of(given: int | None, generator: np.random.Generator) -> int:
+    """The seed of a batch: the given one, or one from the generator."""
+    return int(generator.integers(1 << 63)) if given is None else given % (1 << 64)
+
+
+def actions_of(actions: Any) -> np.ndarray:
+    """Actions as the batch reads them; nothing is copied if they already are such an array."""
+    return np.ascontiguousarray(actions, np.float32)
+
+
+def episodes(given: Batch) -> dict[int, dict]:
+    """The records of the episodes that ended in the last step, by environment."""
+    return {record["environment"]: record for record in json.loads(given.take_episodes())}
+
+
+def summary(record: dict) -> dict[str, Any]:
+    """What a user wants to know of a finished episode."""
+    return {
+        "end": END[record["end"]],
+        "steps": record["steps"],
+        "return": sum(record["terms"].values()),
+        "terms": record["terms"],
+        "desired_velocity": np.array(record["desired"]),
+        "drift": record["drift"],
+        "touchdowns_per_second": np.array(record["touchdowns_per_second"]),
+    }
+
+
+END = {"Fallen": "fallen", "Overlap": "leg_overlap", "TimeOut": "time_out", "Lost": "lost"}
+"""How episodes end: the robot fell, its legs passed through each other, the time was over, the physics went non-finite."""

@@ -1,0 +1,23 @@
+//! The compiled half of the Python package `omniwalk`: thin classes around the crates that training, evaluation and the robot
+//! use. The other half, in `python/package/omniwalk`, speaks the APIs of Gymnasium and Stable-Baselines3.
+
+mod arrays;
+mod batch;
+mod controller;
+mod error;
+mod robot;
+mod status;
+mod view;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("Error", module.py().get_type::<error::Error>())?;
+    module.add_class::<batch::Batch>()?;
+    module.add_class::<controller::Controller>()?;
+    module.add_class::<robot::Robot>()?;
+    module.add_class::<status::OutOfRange>()?;
+    module.add_class::<status::Status>()
+}
