@@ -1,0 +1,8 @@
+//! No bytes make the loader of policy files panic, read past their end, or accept what a robot must not run.
+
+#![no_main]
+
+#[path = "../src/check.rs"]
+mod check;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| check::check(data));
