@@ -29,10 +29,14 @@ BLOCKS = [
 ]
 """The observation of the thesis (7.3.1)."""
 
+INCREMENTS = {"action.law": "increment_on_measured", "action.scale": 0.1}
+"""The action of the thesis (7.3.2)."""
+
 VARIANTS = {
     # name: (what it tests, configuration, changes)
     "default": ("", None, {}),
     "thesis": ("the thesis as written", "configs/thesis.toml", {}),
+    "thesis-no-filter": ("claim: 10 Hz Butterworth on the increment", "configs/thesis.toml", {"action.filter.enabled": False}),
     "no-scheduler": ("claim: the velocity scheduler", None, {"curriculum.scheduler": False}),
     "gaussian": ("claim: Beta instead of Gaussian", None, {"ppo.policy": "gaussian"}),
     "no-velocity-factor": ("claim: C_v", None, {"curriculum.velocity_start": 1.0}),
@@ -42,7 +46,9 @@ VARIANTS = {
     "no-clock": ("ours: phase clock", None, {"clock.enabled": False, "clock.symmetric": False, "reward.clock_swing": False}),
     "no-symmetry": ("ours: symmetric policy", None, {"clock.symmetric": False}),
     "slow-clock": ("ours: 0.6 s for two steps; here 0.8 s", None, {"clock.period": 0.8}),
-    "increments": ("ours: offsets from the nominal pose", None, {"action.law": "increment_on_measured", "action.scale": 0.1}),
+    "increments": ("ours: offsets from the nominal pose", None, INCREMENTS),
+    "increments-butterworth": ("as increments, through the thesis's filter", None, {**INCREMENTS, "action.filter.kind": "butterworth"}),
+    "increments-no-filter": ("as increments, through none", None, {**INCREMENTS, "action.filter.enabled": False}),
     "no-action-filter": ("ours: low-pass on the action", None, {"action.filter.enabled": False}),
     "no-torque-clamp": ("ours: targets within the actuators' reach", None, {"action.torque_clamp": False}),
     "frame-heading": ("ours: inertial term along the commanded heading", None, {"reward.commanded_heading": False}),
