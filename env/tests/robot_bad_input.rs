@@ -128,6 +128,8 @@ urdf_refused! {
     an_inertia_that_is_not_positive_definite_is_refused: "ixy=\"0\"" => "ixy=\"0.02\"", 9, "not positive definite";
     an_inertia_far_from_any_body_is_refused: "izz=\"0.01\"" => "izz=\"0.05\"", 9, "triangle inequality";
     a_collision_shape_without_size_is_refused: "box size=\"0.1 0.1 0.4\"" => "box size=\"0.1 0 0.4\"", 9, "without size";
+    a_second_inertial_is_refused: "    <collision><geometry><box" => "    <inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>\n    <collision><geometry><box", 15, "a second <inertial>";
+    a_mimic_that_follows_nothing_is_refused: "multiplier=\"-1\"" => "multiplier=\"0\"", 29, "a multiplier of 0";
     a_joint_that_moves_no_mass_is_refused: "<mimic joint=\"swing\" multiplier=\"-1\"/>" => "", 29, "no mass or inertia";
 }
 
@@ -154,6 +156,11 @@ toml_refused! {
     a_foot_on_an_unknown_link_is_refused: "[[foot]]\nlink = \"shoe\"\nsole = [0.0, 0.0, 0.0]\nsize = [0.1, 0.1]\n", 2, "no link `shoe`";
     a_sole_without_area_is_refused: "[[foot]]\nlink = \"tip\"\nsole = [0.0, 0.0, 0.0]\nsize = [0.1, 0.0]\n", 4, "impossible value";
     an_overlap_with_an_unknown_link_is_refused: "overlap_pairs = [[\"arm\", \"leg\"]]\n", 1, "no link `leg`";
+    an_overlap_of_a_link_with_itself_is_refused: "overlap_pairs = [[\"arm\", \"arm\"]]\n", 1, "one rigid body";
+    two_feet_on_one_link_are_refused: "[[foot]]\nname = \"a\"\nlink = \"arm\"\nsole = [0.0, 0.0, -0.4]\nsize = [0.1, 0.1]\n[[foot]]\nname = \"b\"\nlink = \"arm\"\nsole = [0.0, 0.0, -0.4]\nsize = [0.1, 0.1]\n", 8, "on one link";
+    a_foot_above_the_centre_of_mass_is_refused: "[[foot]]\nlink = \"arm\"\nsole = [0.0, 0.0, 0.4]\nsize = [0.1, 0.1]\n", 2, "above the robot's centre of mass";
+    an_armature_of_a_ship_is_refused: "[[joint]]\nmatch = [\"swing\"]\narmature = 1e9\n", 3, "an armature of 1e9";
+    a_mirror_of_one_word_is_refused: "[mirror]\nleft = \"swing\"\nright = \"swing\"\n", 3, "the same word";
     a_mirror_sign_of_two_is_refused: "[mirror]\nleft = \"l\"\nright = \"r\"\nsigns = { swing = 2.0 }\n", 4, "sign of 2";
     a_mirror_without_partner_is_refused: "[mirror]\nleft = \"swing\"\nright = \"swung\"\n", 2, "no partner";
     a_floating_base_without_mass_is_refused_in_the_urdf: "base = \"floating\"\n", 2, "has no mass";

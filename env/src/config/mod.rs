@@ -169,7 +169,7 @@ pub struct RewardConfig {
     pub pose_weight: f64,
     /// Sharpness of its kernel, l_r.
     pub pose_kernel: f64,
-    /// Joints that are regularised: names, `*` at the end stands for any ending.
+    /// Joints that are regularised: names, in which `*` stands for any characters.
     pub pose_joints: Vec<String>,
     /// Weight of being alive, w_a.
     pub alive_weight: f64,

@@ -153,11 +153,16 @@ impl EnvConfig {
             (self.noise.position, "noise.position"),
             (self.noise.velocity, "noise.velocity"),
             (self.randomise.centre_of_mass, "randomise.centre_of_mass"),
-            (self.randomise.start_position, "randomise.start_position"),
             (self.push.force, "push.force"),
         ] {
             not_negative(require, value, key);
         }
+        // Beyond a radian the robot starts as a heap.
+        require(
+            (0.0..=1.0).contains(&self.randomise.start_position),
+            "randomise.start_position",
+            "0 to 1 rad or m".into(),
+        );
         let l = &self.latency;
         require((0.0..=1.0).contains(&l.lower), "latency.lower", "0 to 1 s".into());
         require(

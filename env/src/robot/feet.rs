@@ -42,8 +42,40 @@ pub(super) fn from_settings(
                 "give each [[foot]] a name of its own",
             ));
         }
+        if let Some(other) = feet[..i].iter().find(|other| other.link == foot.link) {
+            return Err(source.error(
+                entry.link.span(),
+                format!("the feet `{}` and `{}` are on one link", other.name, foot.name),
+                "each foot has a link of its own, with a joint between it and the other's",
+            ));
+        }
     }
     Ok(feet)
+}
+
+/// Refuses a foot that nobody can stand on: one whose sole is above the robot's centre of mass in the nominal pose.
+pub(super) fn check(robot: &Robot, settings: &Settings, source: &Source) -> Result<(), RobotError> {
+    let kinematics = Kinematics::new(robot);
+    let weighed = robot.links.iter().enumerate().map(|(link, body)| {
+        let mass = body.inertial.mass;
+        mass * (kinematics.pose(link) * Point3::from(body.inertial.com)).z
+    });
+    let centre = weighed.sum::<f64>() / robot.mass();
+    for (foot, entry) in robot.feet.iter().zip(&settings.foot) {
+        let height = (kinematics.pose(foot.link) * foot.sole).translation.z;
+        if height > centre {
+            return Err(source.error(
+                entry.link.span(),
+                format!(
+                    "the sole of foot `{}` is {:.2} m above the robot's centre of mass in the nominal pose",
+                    foot.name,
+                    height - centre
+                ),
+                "a foot is a link that the robot stands on",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The link a URDF link of this name was merged into, and the named link's pose there.

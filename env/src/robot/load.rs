@@ -92,11 +92,7 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
     let (joints, dofs) = joints::build(urdf, &tree, settings, source, &mut notes)?;
     let policy = joints::policy(&joints, &dofs, settings, source, urdf, &mut notes)?;
     let feet = feet::from_settings(settings, source, urdf, &tree)?;
-    let overlap = |pair: &[toml::Spanned<String>; 2]| {
-        let link = |name| feet::find_link(name, source, urdf, &tree).map(|(link, _)| link);
-        Ok((link(&pair[0])?, link(&pair[1])?))
-    };
-    let overlap_pairs = settings.overlap_pairs.iter().map(overlap).collect::<Result<_, _>>()?;
+    let overlap_pairs = overlap_pairs(urdf, settings, source, &tree)?;
     let name = urdf.robot.name.clone();
     let base = Base::Fixed;
     let mut links = std::mem::take(&mut tree.links);
@@ -142,6 +138,13 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         robot.links[foot.link].contact_points.extend(foot.corners());
     }
     set_base(&mut robot, settings.base.map(Base::from).or(given_base));
+    feet::check(&robot, settings, source)?;
+    if robot.base == Base::Floating && !matches!(robot.feet.len(), 0 | 2) {
+        let n = robot.feet.len();
+        robot.notes.push(format!(
+            "feet: {n}, and none of the reward's foot term, which is for two"
+        ));
+    }
     if robot.base == Base::Floating && robot.links[0].inertial.mass == 0.0 {
         let message = format!("the floating base link `{}` has no mass", robot.links[0].name);
         return Err(urdf.link_error(root, message, "give it an <inertial>, or set base = \"fixed\""));
@@ -151,6 +154,32 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         robot.mirror = Some(mirror::map(&robot, words, source)?);
     }
     Ok(robot)
+}
+
+/// The links that must not overlap.
+fn overlap_pairs(
+    urdf: &Urdf,
+    settings: &Settings,
+    source: &Source,
+    tree: &Tree,
+) -> Result<Vec<(usize, usize)>, RobotError> {
+    let pair = |names: &[toml::Spanned<String>; 2]| {
+        let link = |name| feet::find_link(name, source, urdf, tree).map(|(link, _)| link);
+        let (one, other) = (link(&names[0])?, link(&names[1])?);
+        if one == other {
+            return Err(source.error(
+                names[1].span(),
+                format!(
+                    "`{}` and `{}` are one rigid body, which always overlaps with itself",
+                    names[0].get_ref(),
+                    names[1].get_ref()
+                ),
+                "name two links with a joint between them that moves",
+            ));
+        }
+        Ok((one, other))
+    };
+    settings.overlap_pairs.iter().map(pair).collect()
 }
 
 /// The base link, and what the URDF says about how it is held: a floating joint from the root makes it float, a

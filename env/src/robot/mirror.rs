@@ -8,6 +8,8 @@ use super::{JointKind, Kinematics, MirroredJoint, Robot};
 
 /// How far the mirrored axis of a joint may be from its partner's axis (as a cosine) to give a sign.
 const ALIGNED: f64 = 0.99;
+/// How far mirrored limits and nominal positions may be apart, rad or m.
+const SYMMETRIC: f64 = 1e-4;
 
 /// Mirror map of the policy's joints for a reflection at the plane y = 0 of the base.
 pub(super) fn map(robot: &Robot, mirror: &Mirror, source: &Source) -> Result<Vec<MirroredJoint>, RobotError> {
@@ -18,6 +20,14 @@ pub(super) fn map(robot: &Robot, mirror: &Mirror, source: &Source) -> Result<Vec
             let message = format!("`{}` is not a joint of the policy", name.get_ref());
             return Err(source.error(name.span(), message, "name a joint of the policy"));
         }
+    }
+    if left == right {
+        let message = format!("left and right are told apart by the same word, `{right}`");
+        return Err(source.error(
+            mirror.right.span(),
+            message,
+            "give the words by which left and right names differ",
+        ));
     }
     let axes = world_axes(robot);
     let mirrored = |i: usize| {
@@ -59,7 +69,42 @@ pub(super) fn map(robot: &Robot, mirror: &Mirror, source: &Source) -> Result<Vec
             }
         }
     };
-    (0..robot.policy.len()).map(mirrored).collect()
+    let map: Vec<MirroredJoint> = (0..robot.policy.len()).map(mirrored).collect::<Result<_, _>>()?;
+    check(robot, &map).map_err(|message| {
+        let help = "a mirror map is for a robot whose left side is the mirror image of its right; leave [mirror] out otherwise";
+        source.error(mirror.left.span(), message, help)
+    })?;
+    Ok(map)
+}
+
+/// Whether the map is its own inverse, with nominal pose and limits symmetric under it.
+fn check(robot: &Robot, map: &[MirroredJoint]) -> Result<(), String> {
+    let close = |a: f64, b: f64| (a - b).abs() <= SYMMETRIC;
+    for (i, &MirroredJoint { joint, sign }) in map.iter().enumerate() {
+        let (own, twin) = (robot.policy_joint(i), robot.policy_joint(joint));
+        let names = format!("`{}` and `{}`", own.name, twin.name);
+        if map[joint] != (MirroredJoint { joint: i, sign }) {
+            return Err(format!("{names} are not each other's mirror image"));
+        }
+        let limits = match sign > 0.0 {
+            true => twin.limits,
+            false => (-twin.limits.1, -twin.limits.0),
+        };
+        if !close(own.limits.0, limits.0) || !close(own.limits.1, limits.1) {
+            return Err(format!(
+                "the limits of {names} are no mirror images: {} to {}, and mirrored {} to {}",
+                own.limits.0, own.limits.1, limits.0, limits.1
+            ));
+        }
+        if !close(own.nominal, sign * twin.nominal) {
+            return Err(format!(
+                "the nominal positions of {names} are no mirror images: {}, and mirrored {}",
+                own.nominal,
+                sign * twin.nominal
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The policy joints' axes in the base frame with all joints at zero.

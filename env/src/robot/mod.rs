@@ -22,6 +22,7 @@ mod urdf_text;
 pub use describe::describe;
 pub use kinematics::Kinematics;
 pub use load::{files, load};
+pub(crate) use settings::matches;
 pub use source::{ContentError, RobotError, Source};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};

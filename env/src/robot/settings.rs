@@ -60,6 +60,8 @@ use super::source::{RobotError, Source};
 
 /// Largest magnitude of any value, SI units: beyond it lie mistakes and overflow.
 const MAX_VALUE: f64 = 1e9;
+/// Largest armature, kg m^2 or kg: a thousand times that of a geared servo as large as a leg. What carries more does not move.
+const MAX_ARMATURE: f64 = 1e3;
 
 /// A robot's TOML as written.
 #[derive(Default, Deserialize)]
@@ -254,6 +256,13 @@ impl JointEntry {
                 check(source, value.span(), &[*value.get_ref()], lowest, help)?;
             }
         }
+        if let Some(armature) = self.armature.as_ref().filter(|value| *value.get_ref() > MAX_ARMATURE) {
+            return Err(source.error(
+                armature.span(),
+                format!("an armature of {:e} kg m^2", armature.get_ref()),
+                "a rotor's inertia times the square of its gear ratio is 0.001 to 1 kg m^2 in a humanoid",
+            ));
+        }
         let Some(limits) = &self.limits else { return Ok(()) };
         let [lower, upper] = *limits.get_ref();
         check(
@@ -282,7 +291,7 @@ fn check(source: &Source, at: Range<usize>, values: &[f64], lowest: f64, help: &
 }
 
 /// Whether `name` matches `pattern`, in which `*` stands for any characters.
-pub(super) fn matches(pattern: &str, name: &str) -> bool {
+pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     let Some((head, tail)) = pattern.split_once('*') else {
         return pattern == name;
     };

@@ -73,6 +73,13 @@ impl Source {
             help: help.into(),
         };
         let unreadable = |error: std::io::Error| fail(error.to_string(), "give a file that can be read");
+        let kind = std::fs::metadata(path).map_err(unreadable)?.file_type();
+        if !kind.is_file() && !kind.is_dir() {
+            return Err(fail(
+                "a pipe or a device, not a regular file".into(),
+                "give a file that can be read",
+            ));
+        }
         let mut bytes = Vec::new();
         File::open(path)
             .map_err(unreadable)?

@@ -145,6 +145,13 @@ impl Urdf {
             let Some(mimic) = &self.robot.joints[at].mimic else {
                 return Ok(());
             };
+            if mimic.multiplier == Some(0.0) {
+                let message = format!(
+                    "joint `{}` follows `{}` with a multiplier of 0, which is not at all",
+                    self.robot.joints[at].name, mimic.joint
+                );
+                return Err(self.joint_error(at, message, "give the ratio of the two, or make the joint fixed"));
+            }
             let Some(followed) = self.joint(&mimic.joint) else {
                 let message = format!(
                     "joint `{}` mimics `{}`, which does not exist",

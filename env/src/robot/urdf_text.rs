@@ -68,6 +68,18 @@ const CHILDREN: [(&str, &[&str]); 4] = [
     ("visual", &["geometry"]),
 ];
 
+/// Child elements that an element has once at most.
+const ONCE: [(&str, &[&str]); 5] = [
+    ("link", &["inertial"]),
+    (
+        "joint",
+        &["parent", "child", "origin", "axis", "limit", "mimic", "dynamics"],
+    ),
+    ("inertial", &["origin", "mass", "inertia"]),
+    ("collision", &["origin", "geometry"]),
+    ("visual", &["origin", "geometry"]),
+];
+
 /// A link of the text.
 pub(super) type Element<'a> = Node<'a, 'a>;
 
@@ -177,6 +189,16 @@ fn check_element(source: &Source, node: Node) -> Result<(), RobotError> {
     if let Some(name) = children.find(|name| !node.children().any(|child| child.has_tag_name(**name))) {
         let message = format!("<{tag}> has no <{name}>");
         return Err(source.error(node.range(), message, format!("add a <{name}> element")));
+    }
+    for name in ONCE
+        .iter()
+        .filter(|(element, _)| *element == tag)
+        .flat_map(|(_, names)| *names)
+    {
+        if let Some(second) = node.children().filter(|child| child.has_tag_name(*name)).nth(1) {
+            let message = format!("a second <{name}> in one <{tag}>");
+            return Err(source.error(second.range(), message, "leave one of the two"));
+        }
     }
     for (_, name, count) in NUMBERS.iter().filter(|(element, ..)| *element == tag) {
         let Some(attribute) = node.attribute_node(*name) else {

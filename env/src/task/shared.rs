@@ -11,7 +11,7 @@ use crate::config::EnvConfig;
 use crate::engine::{Friction, GRAVITY, World};
 use crate::error::EnvError;
 use crate::random::Stream;
-use crate::robot::Robot;
+use crate::robot::{Robot, matches};
 use crate::truth::Truth;
 
 /// Shared, immutable context of a batch.
@@ -188,10 +188,6 @@ fn policy_joints(robot: &Robot) -> Vec<PolicyJoint> {
 }
 
 fn pose_joints(robot: &Robot, patterns: &[String]) -> Result<Vec<usize>, EnvError> {
-    let matches = |pattern: &str, name: &str| match pattern.split_once('*') {
-        Some((start, end)) => name.len() >= start.len() + end.len() && name.starts_with(start) && name.ends_with(end),
-        None => pattern == name,
-    };
     let names: Vec<&str> = (0..robot.policy.len())
         .map(|i| robot.policy_joint(i).name.as_str())
         .collect();
