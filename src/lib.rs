@@ -6,10 +6,12 @@ pub mod config;
 pub mod deployed;
 pub mod eval;
 pub mod export;
+pub mod files;
 pub mod inspect;
 #[cfg(unix)]
 pub mod rehearse;
 pub mod report;
 pub mod run;
 pub mod settings;
+pub mod terminal;
 pub mod train;

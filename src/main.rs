@@ -8,6 +8,7 @@ use clap::{Parser, Subcommand};
 #[cfg(unix)]
 use omniwalk::command::rehearse;
 use omniwalk::command::{bench, eval, excite, export, inspect, report, train};
+use omniwalk::terminal::OutputError;
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
 #[derive(Parser)]
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
+        Err(report) if matches!(report.downcast_ref(), Some(OutputError::Closed)) => ExitCode::SUCCESS,
         Err(report) => {
             eprintln!("{}", omniwalk::complaint::text(&report));
             ExitCode::from(2)

@@ -115,12 +115,12 @@ impl Config {
             check(
                 positive(minimum) && minimum <= self.learning_rate,
                 "schedule.minimum",
-                "above 0, at most learning_rate",
+                "above 0 and at most learning_rate",
             )?;
             check(
                 maximum <= 1.0 && maximum >= self.learning_rate,
                 "schedule.maximum",
-                "at least learning_rate, at most 1",
+                "at least learning_rate and at most 1",
             )?;
         }
         check(unit(self.gamma), "gamma", "0 to 1")?;

@@ -10,7 +10,10 @@ use omniwalk_env::Batch;
 use serde_json::{Value, json};
 
 use super::load;
+use crate::files::can_write;
+use crate::run::write_atomic;
 use crate::settings::Settings;
+use crate::terminal::say;
 use crate::train::trainer::{Split, Trainer};
 
 /// Measures throughput.
@@ -61,13 +64,18 @@ struct Options {
 /// # Errors
 /// Whatever is wrong with configuration or robot.
 pub fn run(args: &Args) -> miette::Result<()> {
-    let (result, json) = match &args.what {
-        What::Controller(options) => (controller::run(options)?, &options.json),
-        What::Env(options) | What::Train(options) | What::Ppo(options) => (throughput(args, options)?, &options.json),
+    let json = match &args.what {
+        What::Controller(options) => &options.json,
+        What::Env(options) | What::Train(options) | What::Ppo(options) => &options.json,
+    };
+    json.as_deref().map_or(Ok(()), can_write)?;
+    let result = match &args.what {
+        What::Controller(options) => controller::run(options)?,
+        What::Env(options) | What::Train(options) | What::Ppo(options) => throughput(args, options)?,
     };
     if let Some(file) = json {
         let text = serde_json::to_string_pretty(&result).into_diagnostic()? + "\n";
-        std::fs::write(file, text)
+        write_atomic(file, text.as_bytes())
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot write {}", file.display()))?;
     }
@@ -122,7 +130,7 @@ fn env(settings: &Settings, seconds: u32) -> miette::Result<Value> {
         }
     }
     let rate = median(&mut rates);
-    println!(
+    say(format_args!(
         "{:.0} policy steps/s ({} environments, {} at {} Hz; rounds {:.0} to {:.0})",
         rate,
         n,
@@ -130,7 +138,7 @@ fn env(settings: &Settings, seconds: u32) -> miette::Result<Value> {
         settings.env.engine.physics_hz,
         rates[0],
         rates[rates.len() - 1],
-    );
+    ))?;
     Ok(json!({
         "engine": engine(settings),
         "environments": n,
@@ -157,7 +165,7 @@ fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {
     let rate = median(&mut rates);
     let per_million = |seconds: f64| seconds * 1e6 / samples as f64;
     let passes = settings.ppo.epochs * if settings.train.mirror { 2 } else { 1 };
-    println!(
+    say(format_args!(
         "{rate:.0} policy steps/s ({}; {} environments, networks {:?}, {passes} sample passes a step)\n\
          seconds per million steps: physics {:.1}, inference {:.1}, update {:.1}",
         engine(settings),
@@ -166,7 +174,7 @@ fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {
         per_million(total.physics),
         per_million(total.inference),
         per_million(total.update),
-    );
+    ))?;
     Ok(json!({
         "engine": engine(settings),
         "environments": settings.train.environments,
@@ -190,7 +198,7 @@ fn ppo(settings: &Settings, options: &Options, threads: usize) -> miette::Result
         threads,
     )
     .map_err(|error| miette::miette!("ppo.{error}"))?;
-    println!(
+    say(format_args!(
         "{:.0} samples/s, {:.1} GFLOP/s of {:.1} GFLOP/s peak: {:.0} % (networks {:?}, minibatch {}, {threads} threads)",
         result.samples_per_second,
         result.gflops,
@@ -198,7 +206,7 @@ fn ppo(settings: &Settings, options: &Options, threads: usize) -> miette::Result
         100.0 * result.gflops / result.peak_gflops,
         settings.ppo.hidden,
         options.batch,
-    );
+    ))?;
     Ok(json!({
         "samples_per_second": result.samples_per_second,
         "gflops": result.gflops,

@@ -19,8 +19,10 @@ use crate::eval::rollout::Recorder;
 use crate::eval::suites::{ALL, CONDITIONS, Plan, Results, Suite};
 use crate::eval::table;
 use crate::eval::trial::Stage;
+use crate::files::can_write;
 use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
+use crate::terminal::say;
 use crate::train::checkpoint;
 use omniwalk_sim2real::log::LogError;
 
@@ -97,6 +99,7 @@ const EPISODES: usize = 10;
 /// Whatever is wrong with the run or the arguments.
 pub fn run(args: &Args) -> miette::Result<()> {
     let mut loaded = Loaded::open(args)?;
+    args.json.as_deref().map_or(Ok(()), can_write)?;
     let suites: Vec<Suite> = ALL
         .into_iter()
         .filter(|suite| args.suite.iter().any(|name| name == suite.name() || name == "all"))
@@ -129,13 +132,13 @@ pub fn run(args: &Args) -> miette::Result<()> {
     if let Some(seconds) = plan.seconds {
         result["seconds"] = json!(seconds);
     }
-    println!(
+    say(format_args!(
         "{} after {} steps, {}, seed {}",
         args.run.display(),
         loaded.steps,
         args.engine,
         args.seed
-    );
+    ))?;
     for suite in suites {
         result[suite.name()] = loaded.suite(args, suite, &judged, &plan)?;
         // After each: they take their time.
@@ -242,7 +245,7 @@ impl Loaded {
         let policy = |observations: &[f32], actions: &mut [f32]| player.mode(observations, actions);
         let rows = play(self.robot.clone(), &self.settings.env, &suite, policy, &mut rollouts)?;
         let files = rollouts.finish()?;
-        println!(
+        say(format_args!(
             "{} after {} steps, {} conditions, {} episodes of {} s a command, {}",
             args.run.display(),
             self.steps,
@@ -250,9 +253,11 @@ impl Loaded {
             suite.episodes,
             suite.seconds,
             args.engine
-        );
-        print!("{}", table::dashed(&table::to_text(&rows)));
-        files.iter().for_each(|file| println!("rollout: {}", file.display()));
+        ))?;
+        say(table::dashed(table::to_text(&rows).trim_end()))?;
+        for file in files {
+            say(format_args!("rollout: {}", file.display()))?;
+        }
         result["seconds"] = json!(suite.seconds);
         result["forward"] = json!({ "rows": table::to_json(&rows) });
         Ok(())
@@ -274,22 +279,22 @@ impl Loaded {
                 policy: &mut |observations, actions| player.mode(observations, actions),
             };
             let results = suite.play(&mut stage, plan, watch)?;
-            println!(
+            say(format_args!(
                 "\n{}, {} conditions\n{}",
                 suite.name(),
                 conditions(nominally),
                 table::dashed(results.text().trim_end())
-            );
+            ))?;
             miette::Result::<Box<dyn Results>>::Ok(results)
         };
         let results = play(args.nominal, Some(&mut rollouts))?;
         for file in rollouts.finish()? {
-            println!("rollout: {}", file.display());
+            say(format_args!("rollout: {}", file.display()))?;
         }
         for (name, canvas) in results.pictures()? {
             let path = self.folder.join(name);
             write(&path, &canvas.png()?)?;
-            println!("picture: {}", path.display());
+            say(format_args!("picture: {}", path.display()))?;
         }
         let mut json = results.json();
         if !args.nominal {

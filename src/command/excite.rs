@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use omniwalk_sim2real::excite::{Plan, write};
 
 use super::load;
+use crate::terminal::say;
 
 /// Writes motions to record, so that effects can be told apart.
 ///
@@ -35,12 +36,12 @@ pub fn run(args: &Args) -> miette::Result<()> {
     }
     let plan = Plan::new(&robot);
     write(&plan, &robot, &args.out)?;
-    println!("motion                          joints  reversals  speed  slow   jump  inertia  load");
+    say("motion                          joints  reversals  speed  slow   jump  inertia  load")?;
     for motion in &plan.motions {
         let joints = &motion.information;
         let largest =
             |value: fn(&omniwalk_sim2real::excite::Information) -> f64| joints.iter().map(value).fold(0.0, f64::max);
-        println!(
+        say(format_args!(
             "{:<32} {:>5} {:>10} {:>5.0} % {:>3.0} % {:>6.3} {:>6.0} % {:>3.0} %",
             motion.name,
             joints.len(),
@@ -50,14 +51,16 @@ pub fn run(args: &Args) -> miette::Result<()> {
             largest(|joint| joint.jump),
             100.0 * largest(|joint| joint.inertia_share),
             100.0 * largest(|joint| joint.load_share),
-        );
+        ))?;
     }
-    plan.notes.iter().for_each(|note| println!("note: {note}"));
-    println!(
+    for note in &plan.notes {
+        say(format_args!("note: {note}"))?;
+    }
+    say(format_args!(
         "{} motions, {:.0} s, in {}",
         plan.motions.len(),
         plan.seconds(),
         args.out.display()
-    );
+    ))?;
     Ok(())
 }

@@ -1,14 +1,18 @@
 //! `omniwalk export`.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic, WrapErr, miette};
+use omniwalk_controller::file::MAGIC;
 use omniwalk_controller::{Policy, Precision};
 
 use super::load;
 use crate::export::{self, c, onnx};
+use crate::files::{self, can_write};
 use crate::run::write_atomic;
+use crate::terminal::say;
 
 /// Writes the policy of a run for the robot.
 ///
@@ -50,6 +54,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
     } else {
         export::policy(&args.source)?
     };
+    check_targets(args)?;
     let policy = in_format(&full, args.format)?;
     let bytes = policy.to_bytes();
     let read = Policy::from_bytes(&bytes).map_err(|error| miette!("the file would not be readable: {error}"))?;
@@ -59,16 +64,16 @@ pub fn run(args: &Args) -> miette::Result<()> {
     if let Some(path) = &args.out {
         write(path, &bytes)?;
         let error = policy.golden_error(&full);
-        println!(
+        say(format_args!(
             "policy: {} ({} bytes, {} steps, actions within {error:.1e} of f32)",
             path.display(),
             bytes.len(),
             policy.identity().steps
-        );
+        ))?;
     }
     if let Some(path) = &args.onnx {
         write(path, &onnx::model(&full))?;
-        println!("model:  {}", path.display());
+        say(format_args!("model:  {}", path.display()))?;
     }
     if let Some(folder) = &args.c {
         std::fs::create_dir_all(folder)
@@ -77,9 +82,70 @@ pub fn run(args: &Args) -> miette::Result<()> {
         for (name, text) in c::files(&bytes) {
             write(&folder.join(name), text.as_bytes())?;
         }
-        println!("C:      {}", folder.display());
+        say(format_args!("C:      {}", folder.display()))?;
     }
     Ok(())
+}
+
+/// The files to write are different ones, can be written, and what they would replace is of their own kind: a slip on the
+/// command line costs no run and no other policy.
+fn check_targets(args: &Args) -> miette::Result<()> {
+    let named = [("--out", &args.out), ("--onnx", &args.onnx)];
+    let files: Vec<(&str, &PathBuf)> = named
+        .into_iter()
+        .filter_map(|(option, file)| file.as_ref().map(|file| (option, file)))
+        .collect();
+    if let [(_, out), (_, onnx)] = files[..]
+        && place(out) == place(onnx)
+    {
+        return Err(miette!("--out and --onnx are the same file, {}", out.display()));
+    }
+    for (option, file) in files {
+        can_write(file)?;
+        if place(file) == place(&args.source) {
+            return Err(miette!(
+                help = "choose another file",
+                "{option} would write over {}, which is read",
+                file.display()
+            ));
+        }
+        if !is_replaceable(option, file)? {
+            return Err(miette!(
+                help = "choose another file, or remove it first",
+                "{option} would write over {}, which is none that export has written",
+                file.display()
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Where a file is or would be, whatever it is called.
+fn place(file: &Path) -> PathBuf {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new(".")).canonicalize();
+    let placed = folder
+        .ok()
+        .zip(file.file_name())
+        .map(|(folder, name)| folder.join(name));
+    file.canonicalize().ok().or(placed).unwrap_or_else(|| file.to_owned())
+}
+
+/// Whether there is nothing at `file`, or an empty file, or one of the kind that `option` writes.
+fn is_replaceable(option: &str, file: &Path) -> miette::Result<bool> {
+    if !file.exists() {
+        return Ok(true);
+    }
+    let mut start = Vec::new();
+    files::open(file)
+        .and_then(|opened| opened.take(64).read_to_end(&mut start))
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot read {}", file.display()))?;
+    let own = match option {
+        "--out" => start.starts_with(&MAGIC),
+        _ => start.starts_with(onnx::START),
+    };
+    Ok(start.is_empty() || own)
 }
 
 fn in_format(policy: &Policy, format: Format) -> miette::Result<Policy> {

@@ -1,11 +1,11 @@
 //! `omniwalk inspect`.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use crate::config::Layers;
 use crate::inspect;
 use crate::settings::DEFAULT;
+use crate::terminal::say;
 
 /// Describes what a robot, a log, or any file or folder that omniwalk writes holds.
 #[derive(clap::Args, Debug)]
@@ -20,7 +20,5 @@ pub struct Args {
 /// When the file is of no known kind or damaged.
 pub fn run(args: &Args) -> miette::Result<()> {
     let text = inspect::describe(&args.path, &Layers::new(DEFAULT)?)?;
-    // Whoever reads may stop reading, as `head` does.
-    let _ = std::io::stdout().write_all(text.as_bytes());
-    Ok(())
+    Ok(say(text.trim_end_matches('\n'))?)
 }

@@ -11,6 +11,7 @@ use omniwalk_controller::file::MAX_LEN;
 use omniwalk_env::robot::{self, Robot};
 
 use crate::config::{ConfigError, Layers};
+use crate::files;
 use crate::run::checkpoints::Latest;
 use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
@@ -49,7 +50,7 @@ pub fn latest(run: &RunFolder) -> miette::Result<Latest> {
 /// The policy in the file at `path`.
 pub fn policy(path: &Path) -> miette::Result<Policy> {
     let mut bytes = Vec::new();
-    fs::File::open(path)
+    files::open(path)
         .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut bytes))
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot read {}", path.display()))?;

@@ -8,9 +8,11 @@ use miette::{IntoDiagnostic, WrapErr, miette};
 
 use super::load;
 use crate::deployed::Deployed;
+use crate::files::can_write;
 use crate::rehearse::brain;
 use crate::rehearse::robot::Simulated;
 use crate::run::write_atomic;
+use crate::terminal::say;
 
 /// Runs a policy's controller in a process of its own against the simulated robot, in real time.
 ///
@@ -29,7 +31,7 @@ pub struct Args {
     /// Length, s.
     #[arg(long, value_name = "S", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=3600))]
     seconds: u32,
-    /// Desired velocity in m/s, m/s, rad/s [default: forward at half the fastest that was trained].
+    /// Desired velocity in m/s, m/s, rad/s [default: forward at half the fastest that was trained, or the slowest].
     #[arg(long, value_name = "X,Y,TURN", value_delimiter = ',', allow_hyphen_values = true)]
     command: Option<Vec<f32>>,
     /// Seed of friction, masses, noise and latencies.
@@ -66,25 +68,50 @@ pub fn run(args: &Args) -> miette::Result<()> {
     let desired = match args.command.as_deref() {
         Some(&[x, y, turn]) if [x, y, turn].iter().all(|v| v.is_finite()) => [x, y, turn],
         Some(_) => return Err(miette!("--command takes three finite numbers, such as 0.3,0,0")),
-        None => [0.5 * deployed.policy.identity().curriculum.upper[0], 0.0, 0.0],
+        None => {
+            let trained = &deployed.policy.identity().curriculum;
+            let wish = [0.5 * trained.upper[0], 0.0, 0.0];
+            [0, 1, 2].map(|k| wish[k].clamp(trained.lower[k], trained.upper[k]))
+        }
     };
+    within_bounds(&deployed, desired)?;
     let log = args
         .log
         .clone()
         .unwrap_or_else(|| args.policy.with_extension("rehearsal.mcap"));
+    args.json.iter().chain([&log]).try_for_each(|file| can_write(file))?;
     let folder = Folder::create()?;
     let robot = Simulated::new(&deployed, desired, args.seed, &folder.0, &log)?;
     let mut controller = Process::start(&args.policy, &folder.0)?;
-    println!("{} at {desired:?} for {} s", args.policy.display(), args.seconds);
+    say(format_args!(
+        "{} at {desired:?} for {} s",
+        args.policy.display(),
+        args.seconds
+    ))?;
     let mut report = robot.run(f64::from(args.seconds), || controller.tend())?;
     drop(controller);
-    println!("{}log: {}", report.text(), log.display());
+    say(format_args!("{}log: {}", report.text(), log.display()))?;
     let text = serde_json::to_string_pretty(&report.json()).into_diagnostic()? + "\n";
     args.json.as_ref().map_or(Ok(()), |file| {
         write_atomic(file, text.as_bytes())
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot write {}", file.display()))
     })
+}
+
+/// The controller keeps what is asked of it within the bounds it was trained for: another velocity would not be what is
+/// rehearsed.
+fn within_bounds(deployed: &Deployed, desired: [f32; 3]) -> miette::Result<()> {
+    let trained = &deployed.policy.identity().curriculum;
+    if (0..3).all(|k| (trained.lower[k]..=trained.upper[k]).contains(&desired[k])) {
+        return Ok(());
+    }
+    Err(miette!(
+        help = "for example --command 0,0,0",
+        "--command must be within the bounds the policy was trained for, {:?} to {:?}, and {desired:?} is not",
+        trained.lower,
+        trained.upper
+    ))
 }
 
 /// The folder of the sockets, which goes when it is dropped.
@@ -159,6 +186,6 @@ fn spawn(policy: &Path, folder: &Path) -> miette::Result<Child> {
         .spawn()
         .into_diagnostic()
         .wrap_err("cannot start the controller")?;
-    println!("controller: process {}", child.id());
+    say(format_args!("controller: process {}", child.id()))?;
     Ok(child)
 }

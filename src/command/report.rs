@@ -15,6 +15,7 @@ use crate::report::html::{About, page};
 use crate::report::motion::Motion;
 use crate::report::{film, gait, learning};
 use crate::run::{RunFolder, create_folder, files_of, write_atomic};
+use crate::terminal::say;
 
 /// Largest text file of a run that is read, bytes.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
@@ -97,7 +98,7 @@ fn motion_pictures(run: &RunFolder) -> Result<Vec<(&'static str, Canvas)>> {
     let Some(motion) = fastest else {
         return Ok(Vec::new());
     };
-    println!("rollout: {}", motion.path.display());
+    say(format_args!("rollout: {}", motion.path.display()))?;
     let mut pictures = vec![("filmstrip.png", film::draw(&motion, &robot)?)];
     if !robot.feet.is_empty() {
         pictures.insert(0, ("gait.png", gait::draw(&motion, &robot)?));
@@ -204,6 +205,5 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomic(path, bytes)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot write {}", path.display()))?;
-    println!("{}", path.display());
-    Ok(())
+    Ok(say(path.display())?)
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
+use omniwalk_env::robot::Robot;
 
 use super::load;
 use crate::run::RunFolder;
@@ -14,6 +15,7 @@ use crate::run::events::EventWriter;
 use crate::run::metrics::MetricsWriter;
 use crate::run::sessions::{self, Origin, Session as Record, Sessions};
 use crate::settings::Settings;
+use crate::terminal::{OutputError, say};
 use crate::train::checkpoint;
 use crate::train::metrics::{self, Figure};
 use crate::train::progress::{Display, LogFormat};
@@ -108,6 +110,7 @@ impl Session {
         if !args.quiet {
             robot.notes.iter().for_each(|note| eprintln!("note: {note}"));
         }
+        check_feet(&settings, &robot)?;
         let source = args.from.as_deref().map(load::source).transpose()?;
         let learner = source
             .as_ref()
@@ -165,12 +168,12 @@ impl Session {
         let trainer = checkpoint::restore(&latest.checkpoint, &settings, robot).wrap_err_with(cannot)?;
         let step = trainer.progress().steps;
         if step >= settings.train.steps {
-            println!(
+            say(format_args!(
                 "nothing to do: {} has done {step} of {} steps",
                 folder.display(),
                 settings.train.steps
-            );
-            advise(&folder, true);
+            ))?;
+            advise(&folder, true)?;
             return Ok(None);
         }
         let mut sessions = Sessions::open(&run.sessions())?;
@@ -217,18 +220,18 @@ impl Session {
             }
             let figures = metrics::figures(&self.trainer, &report);
             let noted = self.write(&figures);
-            display.update(self.trainer.progress().steps, &figures, &started, first_step);
+            let shown = display.update(self.trainer.progress().steps, &figures, &started, first_step);
             // What was learned is kept even if its figures cannot be.
-            if noted.is_err() || written.elapsed() >= pause {
+            if noted.is_err() || shown.is_err() || written.elapsed() >= pause {
                 self.save()?;
                 written = Instant::now();
             }
             noted?;
+            shown?;
         }
         display.finish();
         let path = self.save()?;
-        self.conclude(&path);
-        Ok(())
+        Ok(self.conclude(&path)?)
     }
 
     fn write(&mut self, figures: &[Figure]) -> miette::Result<()> {
@@ -254,28 +257,28 @@ impl Session {
         Ok(path)
     }
 
-    fn conclude(&self, path: &Path) {
+    fn conclude(&self, path: &Path) -> Result<(), OutputError> {
         let progress = self.trainer.progress();
-        println!(
+        say(format_args!(
             "{} of {} steps in {:.1} minutes; checkpoint {}",
             progress.steps,
             self.settings.train.steps,
             progress.seconds / 60.0,
             path.display()
-        );
-        advise(&self.folder, progress.steps >= self.settings.train.steps);
+        ))?;
+        advise(&self.folder, progress.steps >= self.settings.train.steps)
     }
 }
 
 /// Says what can be done with the run in `folder` next.
-fn advise(folder: &Path, finished: bool) {
+fn advise(folder: &Path, finished: bool) -> Result<(), OutputError> {
     let folder = folder.display();
     if finished {
-        println!("extend: omniwalk train --resume --run {folder} --steps N");
+        say(format_args!("extend: omniwalk train --resume --run {folder} --steps N"))?;
     } else {
-        println!("go on:  omniwalk train --resume --run {folder}");
+        say(format_args!("go on:  omniwalk train --resume --run {folder}"))?;
     }
-    println!("judge:  omniwalk eval {folder}");
+    say(format_args!("judge:  omniwalk eval {folder}"))
 }
 
 /// What the record says of this process, which trains on from `step`.
@@ -294,6 +297,21 @@ fn session(settings: &Settings, step: u64, from: Option<Origin>) -> Record {
         last_step: step,
         seconds: 0.0,
         from,
+    }
+}
+
+/// The factor on the velocity term rises once the foot term is large enough: it never is where there is no foot term.
+fn check_feet(settings: &Settings, robot: &Robot) -> miette::Result<()> {
+    let waits = settings.curriculum.velocity_gate_foot > 0.0 && settings.env.reward.foot_weight > 0.0;
+    match robot.feet.len() {
+        0 | 2 => Ok(()),
+        _ if !waits => Ok(()),
+        n => Err(miette!(
+            help = "--set curriculum.velocity_gate_foot=0",
+            "the reward's foot term, which curriculum.velocity_gate_foot = {} waits for, is for two feet; robot `{}` has {n}",
+            settings.curriculum.velocity_gate_foot,
+            robot.name
+        )),
     }
 }
 

@@ -9,7 +9,6 @@ mod error;
 mod table;
 mod tree;
 
-use std::fs::File;
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
@@ -18,6 +17,7 @@ pub use de::Fault;
 pub use error::ConfigError;
 pub use table::Table;
 
+use crate::files;
 use de::Problem;
 use tree::{Item, Node, Origin, SyntaxError};
 
@@ -165,6 +165,9 @@ impl Layers {
     /// # Errors
     /// A key that `T` does not know, a value of the wrong type, or what [`Configuration::validate`] refuses.
     pub fn build<T: Configuration>(&self) -> Result<(T, String), ConfigError> {
+        if let Some((path, node)) = misplaced(&self.defaults, &self.merged, "") {
+            return Err(self.no_table(&path, node));
+        }
         let mut table = Table::new(&self.merged);
         let value = T::read(&mut table).and_then(|value| table.end().map(|()| value));
         let value = value.map_err(|fault| self.explain(fault))?;
@@ -192,16 +195,49 @@ impl Layers {
         &self.sources[origin.layer]
     }
 
+    /// The message for a value in the place of a table.
+    fn no_table(&self, path: &str, node: &Node) -> ConfigError {
+        let tables =
+            matches!(&node.item, Item::Array(nodes) if nodes.iter().any(|node| matches!(node.item, Item::Table(_))));
+        self.source(&node.origin)
+            .error(
+                format!("`{path}` has the wrong type"),
+                node.place(),
+                &format!("this is {}", node.item.kind()),
+            )
+            .with_help(match tables {
+                true => format!("write `[{path}]` once, not `[[{path}]]`"),
+                false => format!("it takes a table, `[{path}]`"),
+            })
+    }
+
+    /// Where to show that the value at `key` is impossible: where it was written, or, if it is a default, where the
+    /// first of the keys was written that `message` names.
+    fn culprit(&self, key: &str, message: &str) -> &Node {
+        let node = self.merged.nearest(key);
+        if node.origin.layer > 0 {
+            return node;
+        }
+        let section = key.split('.').next().unwrap_or_default();
+        let words = message.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '.'));
+        let named = |word: &str| {
+            let word = word.trim_matches('.');
+            let node = self
+                .merged
+                .get(word)
+                .or_else(|| self.merged.get(&format!("{section}.{word}")))?;
+            let value = !matches!(node.item, Item::Table(_));
+            (value && node.origin.layer > 0).then_some(node)
+        };
+        words.filter(|word| !word.is_empty()).find_map(named).unwrap_or(node)
+    }
+
     /// The message for a value that [`Configuration::validate`] refused.
     fn refuse(&self, invalid: &Invalid) -> ConfigError {
-        let node = self.merged.nearest(&invalid.key);
-        let span = if node.origin.value.is_empty() {
-            node.origin.key.clone()
-        } else {
-            node.origin.value.clone()
-        };
+        let node = self.culprit(&invalid.key, &invalid.message);
         let message = format!("`{}` {}", invalid.key, invalid.message);
-        self.source(&node.origin).error(message, span, "this is not possible")
+        self.source(&node.origin)
+            .error(message, node.place(), "this is not possible")
     }
 
     /// The message for a value that the type refused.
@@ -248,7 +284,22 @@ impl Layers {
         }
     }
 
+    /// The `type` that the table of the key at the dotted path `own` has in the defaults, where that key is in them.
+    fn variant_with(&self, own: &str) -> Option<String> {
+        let (table, key) = own.rsplit_once('.')?;
+        let node = self.defaults.get(table)?;
+        node.child(key)?;
+        match &node.child("type")?.item {
+            Item::String(variant) => Some(format!("`{table}.type = \"{variant}\"`")),
+            _ => None,
+        }
+    }
+
     fn suggest(&self, key: &str, known: &[&str], below: &dyn Fn(&str) -> String) -> String {
+        let own = below(key);
+        if let Some(variant) = self.variant_with(&own) {
+            return format!("there is `{own}` only with {variant}");
+        }
         if let Some(name) = closest(key, known) {
             return format!("did you mean `{}`?", below(name));
         }
@@ -257,6 +308,24 @@ impl Layers {
             None => format!("the keys here are {}", known.join(", ")),
         }
     }
+}
+
+/// The first value that stands where the defaults have a table, with its dotted path.
+fn misplaced<'a>(defaults: &Node, merged: &'a Node, path: &str) -> Option<(String, &'a Node)> {
+    let Item::Table(entries) = &defaults.item else {
+        return None;
+    };
+    if !matches!(merged.item, Item::Table(_)) {
+        return Some((path.to_owned(), merged));
+    }
+    entries.iter().find_map(|(key, default)| {
+        let below = if path.is_empty() {
+            key.clone()
+        } else {
+            format!("{path}.{key}")
+        };
+        misplaced(default, merged.child(key)?, &below)
+    })
 }
 
 /// The known name that `word` is most likely a slip of.
@@ -268,7 +337,7 @@ fn closest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
 
 fn read_bounded(path: &Path) -> Result<String, ConfigError> {
     let cannot = |why: String| ConfigError::new(format!("cannot read {}: {why}", path.display()));
-    let file = File::open(path).map_err(|error| cannot(error.to_string()))?;
+    let file = files::open(path).map_err(|error| cannot(error.to_string()))?;
     let mut bytes = Vec::new();
     file.take(MAX_FILE_BYTES + 1)
         .read_to_end(&mut bytes)
@@ -292,10 +361,9 @@ fn parse_change(argument: &str, layer: usize) -> Result<Node, SyntaxError> {
         span: 0..argument.len(),
     })?;
     let (key, value) = (&argument[..at], argument[at + 1..].trim());
-    let single = |node: &Node| matches!(&node.item, Item::Table(entries) if entries.len() == 1);
     let whole = Node::parse(argument, layer);
-    if let Ok(node) = &whole
-        && !single(node)
+    if let (Ok(node), Ok(only)) = (&whole, Node::parse(&format!("{key}=0"), layer))
+        && !sets_only(node, &only)
     {
         return Err(SyntaxError {
             message: "one change at a time".to_owned(),
@@ -319,6 +387,19 @@ fn parse_change(argument: &str, layer: usize) -> Result<Node, SyntaxError> {
             Ok(node)
         }
         other => other,
+    }
+}
+
+/// Whether `node` has no keys beside those of the chain of tables `only`, whatever is at its end.
+fn sets_only(node: &Node, only: &Node) -> bool {
+    match (&node.item, &only.item) {
+        (Item::Table(entries), Item::Table(chain)) => {
+            entries.len() == chain.len()
+                && chain
+                    .iter()
+                    .all(|(key, below)| node.child(key).is_some_and(|child| sets_only(child, below)))
+        }
+        (_, end) => !matches!(end, Item::Table(_)),
     }
 }
 

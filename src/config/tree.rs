@@ -89,6 +89,20 @@ impl Node {
         }
     }
 
+    /// Bytes to show for this value: its own, or those of its key where it has none.
+    pub fn place(&self) -> Range<usize> {
+        if self.origin.value.is_empty() {
+            self.origin.key.clone()
+        } else {
+            self.origin.value.clone()
+        }
+    }
+
+    /// The value at a dotted path.
+    pub fn get(&self, path: &str) -> Option<&Node> {
+        path.split('.').try_fold(self, |node, key| node.child(key))
+    }
+
     /// The value at a dotted path, or its nearest ancestor that exists.
     pub fn nearest(&self, path: &str) -> &Node {
         let mut node = self;

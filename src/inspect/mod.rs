@@ -10,7 +10,6 @@ mod policy;
 mod robot;
 mod run;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +17,7 @@ use miette::{Diagnostic, Report};
 use thiserror::Error;
 
 use crate::config::Layers;
+use crate::files;
 use crate::report::html::HEAD;
 use crate::run::files_of;
 use crate::run::metrics::Metrics;
@@ -115,7 +115,7 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
         return folder_kind(path).map_err(io)?.ok_or_else(unknown);
     }
     let mut start = Vec::new();
-    File::open(path)
+    files::open(path)
         .and_then(|file| file.take(MAGIC_BYTES).read_to_end(&mut start))
         .map_err(io)?;
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -167,7 +167,7 @@ fn beside_a_urdf(path: &Path) -> std::io::Result<Option<PathBuf>> {
 /// The content of a file, which may have `limit` bytes at most.
 fn read(path: &Path, limit: u64) -> Result<Vec<u8>, InspectError> {
     let mut bytes = Vec::new();
-    File::open(path)
+    files::open(path)
         .and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
         .map_err(|why| InspectError::Io {
             path: path.to_owned(),

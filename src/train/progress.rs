@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use super::metrics::Figure;
+use crate::terminal::{OutputError, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value, json};
 
@@ -49,7 +50,16 @@ impl Display {
     }
 
     /// Shows the figures of the update that ended at `steps`; this process began at `started` with `first_step`.
-    pub fn update(&mut self, steps: u64, figures: &[Figure], started: &Instant, first_step: u64) {
+    ///
+    /// # Errors
+    /// When standard output takes no more.
+    pub fn update(
+        &mut self,
+        steps: u64,
+        figures: &[Figure],
+        started: &Instant,
+        first_step: u64,
+    ) -> Result<(), OutputError> {
         let figure = |name: &str| match name {
             "steps" => steps as f64,
             name => figures
@@ -63,11 +73,12 @@ impl Display {
         } else if self.format == LogFormat::Json && !self.quiet {
             let values = figures.iter().map(|(key, value)| ((*key).to_owned(), json!(value)));
             let object: Map<String, Value> = [("steps".to_owned(), json!(steps))].into_iter().chain(values).collect();
-            println!("{}", Value::Object(object));
+            say(Value::Object(object))?;
         } else if !self.quiet && self.last.is_none_or(|last| last.elapsed() >= INTERVAL) {
             self.last = Some(Instant::now());
-            println!("{}", line(&figure, self.left(steps, started, first_step)));
+            say(line(&figure, self.left(steps, started, first_step)))?;
         }
+        Ok(())
     }
 
     /// Ends the bar, so that later lines stand below it.

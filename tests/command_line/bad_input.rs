@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::support::{copy, refuses_in, robot};
+use super::support::{copy, omniwalk, refuses_in, robot, succeeds};
 
 /// `train` with `text` as its configuration.
 #[track_caller]
@@ -87,6 +87,12 @@ config_refused! {
     a_file_that_is_too_large: vec![b'#'; 1 << 21], ["cannot read bad.toml", "larger than 1 MiB"];
     an_unknown_engine: "[engine]\nkind = \"mujoco\"\n", ["cannot be `mujoco`", "bad.toml:2:8", "rapier, lanes"];
     an_unknown_block: "[observation]\nblocks = [\"gyroscope\"]\n", ["bad.toml:2:11", "the choices are joint_position"];
+    a_key_of_another_schedule: "[ppo.schedule]\ntype = \"fixed\"\nkl_target = 0.02\n", ["unknown key `ppo.schedule.kl_target`", "bad.toml:3:1", "there is `ppo.schedule.kl_target` only with `ppo.schedule.type = \"adaptive\"`"];
+    a_section_written_as_a_list: "[[ppo]]\nepochs = 3\n", ["`ppo` has the wrong type", "bad.toml:1:", "write `[ppo]` once, not `[[ppo]]`"];
+    a_list_of_schedules: "[[ppo.schedule]]\ntype = \"fixed\"\n", ["`ppo.schedule` has the wrong type", "bad.toml:1:", "write `[ppo.schedule]` once"];
+    a_number_for_a_section: "ppo = 3\n", ["`ppo` has the wrong type", "bad.toml:1:7", "it takes a table"];
+    a_value_that_a_default_contradicts: "[ppo]\nlearning_rate = 1e-6\n", ["`ppo.schedule.minimum` must be above 0 and at most learning_rate", "bad.toml:2:17"];
+    a_rate_that_a_default_contradicts: "[engine]\ncontrol_hz = 30\n", ["`engine.physics_hz` must be a multiple of engine.control_hz = 30", "bad.toml:2:14"];
     two_wrong_values: "[ppo]\ngamma = 2.0\n[train]\nsteps = 0\n", ["`ppo.gamma`", "`train.steps` must be", "bad.toml:4:9"];
 }
 
@@ -113,6 +119,8 @@ set_refused! {
     a_robot_without_a_path: "robot.path=\"\"", ["`robot.path` must be the path of a robot folder", "--set:1:12"];
     a_change_to_nan: "ppo.lambda=nan", ["the value of `ppo.lambda` cannot be used", "this is not a number", "--set:1:12"];
     a_nan_in_a_list: "command.lower=[nan, 0.0, 0.0]", ["the value of `command.lower` cannot be used", "this is not a number", "--set:1:16"];
+    two_changes_in_one: "ppo.epochs=3\nppo.clip=0.1", ["one change at a time"];
+    a_start_as_a_heap: "randomise.start_position=10", ["`randomise.start_position` must be 0 to 1", "--set:1:26"];
     a_robot_folder_without_urdf: "robot.path=.", ["holds 0 .urdf files"];
 }
 
@@ -131,6 +139,14 @@ robot_refused! {
     a_mass_of_nothing: "nimbro_op2x.urdf", "<mass value=\"0.315\"" => "<mass value=\"1e-300\"", ["nimbro_op2x.urdf:", "a mass of 1e-300 kg"];
     a_limit_beyond_the_world: "nimbro_op2x.urdf", "lower=\"-0.8\" upper=\"0.8\"" => "lower=\"-1e30\" upper=\"1e30\"", ["robot.toml:", "has limits of", "1e30"];
     a_policy_joint_that_turns_without_end: "nimbro_op2x.urdf", "<joint name=\"left_hip_yaw\" type=\"revolute\"" => "<joint name=\"left_hip_yaw\" type=\"continuous\"", ["robot.toml:", "`left_hip_yaw` has no position limits", "limits ="];
+    a_second_mass: "nimbro_op2x.urdf", "<mass value=\"0.315\"/>" => "<mass value=\"0.315\"/>\n      <mass value=\"0.3\"/>", ["nimbro_op2x.urdf:30:7", "a second <mass> in one <inertial>"];
+    a_mimic_that_follows_nothing: "nimbro_op2x.urdf", "<mimic joint=\"left_knee_pitch\" multiplier=\"-1\"" => "<mimic joint=\"left_knee_pitch\" multiplier=\"0\"", ["nimbro_op2x.urdf:", "with a multiplier of 0"];
+    a_joint_that_is_held_on_one_side_only: "nimbro_op2x.urdf", "lower=\"-0.8\" upper=\"0.8\"" => "lower=\"0\" upper=\"0\"", ["robot.toml:", "the limits of", "no mirror images: 0 to 0"];
+    mirror_words_that_are_the_same: "robot.toml", "right = \"right\"" => "right = \"left\"", ["robot.toml:", "told apart by the same word, `left`"];
+    an_overlap_of_a_link_with_itself: "robot.toml", "\"right_ankle_roll_link\"]" => "\"left_ankle_roll_link\"]", ["robot.toml:", "one rigid body"];
+    two_feet_on_one_link: "robot.toml", "link = \"right_ankle_roll_link\"" => "link = \"left_ankle_roll_link\"", ["robot.toml:", "the feet `left` and `right` are on one link"];
+    a_foot_on_the_head: "robot.toml", "link = \"left_ankle_roll_link\"" => "link = \"head_pitch_link\"", ["robot.toml:", "above the robot's centre of mass"];
+    an_armature_that_nothing_moves: "robot.toml", "armature = 0.08" => "armature = 1e9", ["robot.toml:", "an armature of 1e9 kg m^2"];
     a_negative_gain: "robot.toml", "kp = 400.0" => "kp = -400.0", ["robot.toml:", "impossible value"];
 }
 
@@ -210,6 +226,72 @@ fn a_robot_that_cannot_walk() {
     };
     let arguments = ["train", "tiny.toml", "--run", "run", "--set", "robot.path=robot"];
     refuses_in(no_feet, &arguments, &["has no feet", "[[foot]]"]);
+}
+
+#[test]
+fn a_robot_with_one_foot_whose_curriculum_waits_for_two() {
+    let one_foot = |folder: &Path| {
+        copy(&robot("nimbro_op2x"), &folder.join("robot"));
+        let path = folder.join("robot/robot.toml");
+        let text = fs::read_to_string(&path).unwrap();
+        let (first, second) = (text.find("[[foot]]").unwrap(), text.rfind("[[foot]]").unwrap());
+        let end = text.find("[mirror]").unwrap();
+        assert!(first < second && second < end);
+        fs::write(&path, format!("{}{}", &text[..second], &text[end..])).unwrap();
+    };
+    let train = ["train", "tiny.toml", "--run", "run", "--set", "robot.path=robot"];
+    refuses_in(
+        one_foot,
+        &train,
+        &[
+            "is for two feet; robot `nimbro_op2x` has 1",
+            "curriculum.velocity_gate_foot=0",
+        ],
+    );
+    let folder = tempfile::tempdir().unwrap();
+    one_foot(folder.path());
+    let described = succeeds(folder.path(), &["inspect", "robot"]).out;
+    assert!(described.contains("none of the reward's foot term"), "{described}");
+}
+
+#[test]
+fn a_configuration_that_cannot_be_used_is_not_described_either() {
+    for (text, parts) in [
+        ("[ppo]\nepoch = 3\n", ["unknown key `ppo.epoch`", "bad.toml:2:1"]),
+        ("[ppo]\ngamma = 7\n", ["`ppo.gamma` must be 0 to 1", "bad.toml:2:9"]),
+        (
+            "[ppo]\nepochs = \"3\"\n",
+            ["`ppo.epochs` has the wrong type", "bad.toml:2:10"],
+        ),
+        ("[package]\nname = \"x\"\n", ["unknown key `package`", "bad.toml:1:2"]),
+    ] {
+        let write = |folder: &Path| fs::write(folder.join("bad.toml"), text).unwrap();
+        refuses_in(write, &["inspect", "bad.toml"], &parts);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_the_place_of_a_file_is_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("robot")).unwrap();
+    for name in ["pipe.toml", "pipe.omni", "robot/pipe.urdf"] {
+        let path = folder.path().join(name);
+        let made = std::process::Command::new("mkfifo").arg(path).status().unwrap();
+        assert!(made.success());
+    }
+    for arguments in [
+        &["train", "pipe.toml", "--run", "run"][..],
+        &["train", "--set", "robot.path=robot", "--run", "run"],
+        &["inspect", "pipe.toml"],
+        &["inspect", "robot"],
+        &["eval", "pipe.omni"],
+        &["rehearse", "pipe.omni"],
+    ] {
+        let output = omniwalk(folder.path(), arguments);
+        assert_eq!((output.code, output.out.as_str()), (2, ""), "{arguments:?}");
+        assert!(!folder.path().join("run").exists());
+    }
 }
 
 #[test]

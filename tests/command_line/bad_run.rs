@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use super::support::{copy, refuses_in, robot, succeeds, tiny};
+use super::support::{copy, omniwalk, refuses_in, robot, succeeds, tiny};
 use tempfile::TempDir;
 
 /// A finished run, trained once.
@@ -127,6 +127,52 @@ fn a_run_whose_settings_were_edited() {
         fs::write(path, text + "# Edited.\n").unwrap();
     };
     refuses_run(robot, RESUME, &["robot/robot.toml was edited"]);
+}
+
+#[test]
+fn results_that_could_not_be_written_are_refused_before_anything_is_played() {
+    for file in ["none/such/x.json", "."] {
+        let what = format!("cannot write {file}");
+        let bench = ["bench", "ppo", "--set", "ppo.hidden=[8]", "--seconds", "1"];
+        refuses_run(|_| (), &["eval", "run", "--json", file], &[&what]);
+        refuses_run(|_| (), &[&bench[..], &["--json", file]].concat(), &[&what]);
+        refuses_run(|_| (), &["export", "run", "--out", file], &[&what]);
+    }
+}
+
+#[test]
+fn an_export_over_files_that_are_something_else() {
+    for file in ["run/config.toml", "run/metrics.csv", "tiny.toml"] {
+        for option in ["--out", "--onnx"] {
+            let what = format!("{option} would write over {file}");
+            refuses_run(|_| (), &["export", "run", option, file], &[&what]);
+        }
+    }
+    refuses_run(
+        |_| (),
+        &["export", "run", "--out", "x", "--onnx", "run/../x"],
+        &["--out and --onnx are the same file"],
+    );
+    let folder = tempfile::tempdir().unwrap();
+    copy(&RUN.1, &folder.path().join("run"));
+    let export = ["export", "run", "--out", "p.omni", "--onnx", "p.onnx"];
+    // Over what export itself has written it writes again.
+    (0..2).for_each(|_| drop(succeeds(folder.path(), &export)));
+    let output = omniwalk(
+        folder.path(),
+        &["export", "p.omni", "--out", "p.omni", "--format", "int8"],
+    );
+    assert_eq!(output.code, 2);
+    assert!(output.message().contains("which is read"), "{}", output.err);
+}
+
+#[test]
+fn a_run_whose_configuration_is_broken_is_not_described() {
+    refuses_run(
+        |run| replace(&run.join("config.toml"), "gamma = 0.99", "gamma = 7"),
+        &["inspect", "run"],
+        &["`ppo.gamma` must be 0 to 1", "run/config.toml:"],
+    );
 }
 
 #[test]

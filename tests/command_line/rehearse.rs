@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-use crate::support::{robot, succeeds, tiny};
+use crate::support::{omniwalk, robot, succeeds, tiny};
 use serde_json::Value;
 
 /// A policy that has not learned anything and may hardly move: it stands.
@@ -48,6 +48,29 @@ fn signal(process: u32, name: &str) {
         .status()
         .unwrap();
     assert!(status.success());
+}
+
+#[test]
+fn what_cannot_be_rehearsed_is_refused_before_anything_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    policy(folder);
+    let home = robot("nimbro_op2x");
+    for (option, value, part) in [
+        (
+            "--command",
+            "9,9,9",
+            "must be within the bounds the policy was trained for",
+        ),
+        ("--json", "none/x.json", "cannot write none/x.json"),
+        ("--log", ".", "cannot write ."),
+    ] {
+        let rehearse = ["rehearse", "p.omni", "--robot", home.to_str().unwrap(), option, value];
+        let output = omniwalk(folder, &rehearse);
+        assert_eq!((output.code, output.out.as_str()), (2, ""), "{option}");
+        assert!(output.message().contains(part), "{}", output.err);
+    }
+    assert!(!folder.join("p.rehearsal.mcap").exists());
 }
 
 #[test]

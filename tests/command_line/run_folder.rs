@@ -255,6 +255,54 @@ fn a_run_begins_with_the_weights_of_another() {
     assert!(described.contains(origin), "{described}");
 }
 
+/// The program with `arguments` and its standard output at `out`: exit code and standard error.
+#[cfg(target_os = "linux")]
+fn written_to(folder: &Path, arguments: &[&str], out: impl Into<Stdio>) -> (Option<i32>, String) {
+    let child = Command::new(env!("CARGO_BIN_EXE_omniwalk"))
+        .current_dir(folder)
+        .args(arguments)
+        .stdout(out)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let output = child.wait_with_output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_standard_output_is_said_and_costs_no_run() {
+    let full = || fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let folder = folder();
+    let (code, said) = written_to(folder.path(), &START, full());
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("cannot write to standard output"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    let run = folder.path().join("run");
+    assert!(newest(&run).step > 0, "what was learned is lost");
+    succeeds(folder.path(), &RESUME);
+    assert!(state(&run) == undisturbed());
+    let (code, said) = written_to(folder.path(), &["inspect", "run"], full());
+    assert_eq!(code, Some(2), "{said}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_reader_that_has_gone_ends_the_program_without_a_word() {
+    let closed = || {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        writer
+    };
+    let folder = folder();
+    let (code, said) = written_to(folder.path(), &START, closed());
+    assert_eq!(code, Some(0), "{said}");
+    assert!(!said.contains("Error") && !said.contains("panicked"), "{said}");
+    assert!(newest(&folder.path().join("run")).step > 0, "what was learned is lost");
+    let (code, said) = written_to(folder.path(), &["inspect", "run"], closed());
+    assert_eq!((code, said.as_str()), (Some(0), ""));
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_costs_no_checkpoint() {

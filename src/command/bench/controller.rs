@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use super::super::load;
 use crate::export;
+use crate::terminal::{OutputError, say};
 
 /// Steps before those that are measured.
 const WARM_UP: usize = 10_000;
@@ -33,33 +34,33 @@ pub fn run(options: &Options) -> miette::Result<Value> {
         None => untrained()?,
     };
     let widths: Vec<_> = policy.actor().layers.iter().map(|layer| layer.bias.len()).collect();
-    println!(
+    say(format_args!(
         "{} steps of observation, network {} - {widths:?}, decoding, on one core",
         options.steps,
         policy.actor().observation_len()
-    );
+    ))?;
     let best = Controller::new(&policy).into_diagnostic()?;
     let portable = Controller::portable(&policy).into_diagnostic()?;
     let name = best.instruction_set();
     let mut result = measure(&policy, best, options.steps);
-    print("this processor's widest instructions", name, &result);
+    print("this processor's widest instructions", name, &result)?;
     let base = measure(&policy, portable, options.steps);
-    print("portable", "what every processor of this kind has", &base);
+    print("portable", "what every processor of this kind has", &base)?;
     result["steps"] = json!(options.steps);
     result["instruction_set"] = json!(name);
     result["portable"] = base;
     Ok(result)
 }
 
-fn print(what: &str, about: &str, result: &Value) {
+fn print(what: &str, about: &str, result: &Value) -> Result<(), OutputError> {
     let figure = |key: &str| result[key].as_f64().unwrap_or(f64::NAN);
-    println!(
+    say(format_args!(
         "{what} ({about}): p50 {:.2} us, p99 {:.2} us, p99.9 {:.2} us, max {:.1} us",
         figure("p50_us"),
         figure("p99_us"),
         figure("p999_us"),
         figure("max_us")
-    );
+    ))
 }
 
 /// Plays the readings of the golden steps over and over.

@@ -21,6 +21,9 @@ const OPSET: i64 = 15;
 /// Version of the file format that came with them.
 const FORMAT: i64 = 8;
 
+/// How every model begins that is written here: the file format, then the program's name.
+pub const START: &[u8] = b"\x08\x08\x12\x08omniwalk";
+
 /// The model of `policy` as the bytes of a `.onnx` file.
 pub fn model(policy: &Policy) -> Vec<u8> {
     let (inputs, joints) = (policy.spec().observation_len(), policy.spec().action_len());

@@ -1,0 +1,32 @@
+//! Lines for standard output, whose reader may go and whose disk may be full.
+
+use std::fmt::Display;
+use std::io::{self, Write};
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Why a line was not written.
+#[derive(Debug, Error, Diagnostic)]
+pub enum OutputError {
+    /// Whoever read has stopped reading, as `head` does: the program ends, and nothing needs to be said.
+    #[error("standard output was closed")]
+    Closed,
+    /// Anything else, such as a full disk.
+    #[error("cannot write to standard output: {0}")]
+    Failed(io::Error),
+}
+
+/// Writes `line` and the end of the line.
+///
+/// # Errors
+/// When standard output takes no more.
+pub fn say(line: impl Display) -> Result<(), OutputError> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{line}")
+        .and_then(|()| out.flush())
+        .map_err(|error| match error.kind() {
+            io::ErrorKind::BrokenPipe => OutputError::Closed,
+            _ => OutputError::Failed(error),
+        })
+}
