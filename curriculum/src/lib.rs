@@ -20,7 +20,7 @@ pub struct Config {
     pub gated: bool,
     /// Gate: the mean velocity kernel must be above this.
     pub gate_velocity: f64,
-    /// Gate: the share of episodes that end in a fall must be below this; narrows above twice this.
+    /// Gate: falls in the time of a full episode, at most 1, must be below this; narrows above twice this.
     pub gate_falls: f64,
     /// Start of C_v.
     pub velocity_start: f64,
@@ -93,7 +93,8 @@ pub struct Performance {
     pub velocity: f64,
     /// Mean of the foot kernel over the update's steps, 0 to 1.
     pub foot: f64,
-    /// Share of the finished episodes that ended in a fall; `None` if none finished.
+    /// Falls in the time of a full episode, 0 to 1: their rate times its length, so that an update with few finished episodes
+    /// counts too. `None` where it was not measured: the smoothed value then stays.
     pub falls: Option<f64>,
 }
 

@@ -8,8 +8,9 @@ use super::trainer::{Report, Trainer};
 /// A figure of an update: its name and its value, NaN where nothing was measured.
 pub type Figure = (&'static str, f64);
 
-/// The figures of an update without its step. Gait and tracking are means over the last 100 finished episodes of the
-/// sampled policy; gait counts those whose command moved.
+/// The figures of an update without its step. Rewards are those of the update's steps, per second. Returns (by term and in
+/// all), gait and tracking are means over the last 100 finished episodes of the sampled policy; gait counts those whose
+/// command moved.
 pub fn figures(trainer: &Trainer, report: &Report) -> Vec<Figure> {
     let mut out = run(trainer, report);
     out.extend(episodes(trainer, report));
@@ -20,7 +21,7 @@ pub fn figures(trainer: &Trainer, report: &Report) -> Vec<Figure> {
 }
 
 /// Names of [`figures`], in order.
-pub const NAMES: [&str; 51] = [
+pub const NAMES: [&str; 57] = [
     "update",
     "seconds",
     "steps_per_second",
@@ -35,6 +36,12 @@ pub const NAMES: [&str; 51] = [
     "reward/slip",
     "reward/total",
     "episode/return",
+    "return/velocity",
+    "return/pose",
+    "return/alive",
+    "return/foot",
+    "return/action_rate",
+    "return/slip",
     "episode/steps",
     "episode/fallen",
     "episode/leg_overlap",
@@ -98,6 +105,12 @@ fn episodes(trainer: &Trainer, report: &Report) -> Vec<Figure> {
         ("reward/slip", terms.slip),
         ("reward/total", terms.total()),
         ("episode/return", window.mean(|e| Some(e.terms.total()))),
+        ("return/velocity", window.mean(|e| Some(e.terms.velocity))),
+        ("return/pose", window.mean(|e| Some(e.terms.pose))),
+        ("return/alive", window.mean(|e| Some(e.terms.alive))),
+        ("return/foot", window.mean(|e| Some(e.terms.foot))),
+        ("return/action_rate", window.mean(|e| Some(e.terms.action_rate))),
+        ("return/slip", window.mean(|e| Some(e.terms.slip))),
         ("episode/steps", window.mean(|e| Some(f64::from(e.steps)))),
         ("episode/fallen", window.share(End::Fallen)),
         ("episode/leg_overlap", window.share(End::Overlap)),
