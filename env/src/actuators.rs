@@ -286,3 +286,46 @@ impl Actuators {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn torque_falls_to_zero_at_the_no_load_speed_in_the_direction_of_motion_only() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/pendulum");
+        let mut robot = crate::robot::load(&folder).unwrap_or_else(|error| panic!("{error}"));
+        robot.joints[0].actuator = Some(Actuator {
+            kp: 1.0,
+            kp_scale: 1.0,
+            kd: 0.0,
+            torque_limit: 10.0,
+            speed_limit: 4.0,
+        });
+        let mut actuators = Actuators::new(&robot, 0.005, 1);
+        // Speed, rad/s, and the torques that are left at it, N m.
+        for (speed, lower, upper) in [
+            (0.0, -10.0, 10.0),
+            (1.0, -10.0, 7.5),
+            (4.0, -10.0, 0.0),
+            (6.0, -10.0, 0.0),
+            (-1.0, -7.5, 10.0),
+            (-3.0, -2.5, 10.0),
+            (-9.0, 0.0, 10.0),
+        ] {
+            let state = JointState {
+                position: vec![0.0],
+                velocity: vec![speed],
+                torque: vec![0.0],
+            };
+            let drive = actuators.drive(&state);
+            assert_eq!(
+                (drive.torque_min[0], drive.torque_max[0]),
+                (lower, upper),
+                "at {speed} rad/s"
+            );
+        }
+    }
+}

@@ -12,3 +12,6 @@ pub mod reward;
 pub mod shared;
 pub mod sole;
 pub mod tracking;
+
+#[cfg(test)]
+mod tests;
