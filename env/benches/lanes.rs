@@ -90,7 +90,7 @@ impl<'a> Bench<'a> {
     fn phases(&mut self) -> Vec<(&'static str, f64)> {
         let mut smallest: Vec<(&'static str, f64)> = vec![];
         for _ in 0..ROUNDS {
-            self.load.engine.time_phases();
+            self.load.engine.time_phases(true);
             self.round();
             let phases = self.load.engine.phases();
             if smallest.is_empty() {

@@ -7,6 +7,7 @@
 
 pub mod actuators;
 pub mod batch;
+mod clock;
 pub mod config;
 pub mod effect;
 pub mod engine;

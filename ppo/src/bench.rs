@@ -73,16 +73,9 @@ pub fn bench(
             let stats = agent.update(&rollout, None, key);
             assert_eq!(stats.skipped, 0, "the invented samples are finite");
         };
-        let rounds = 1 << 20;
-        let mut multiply_add = || {
-            (0..threads).into_par_iter().with_max_len(1).for_each(|_| {
-                black_box(simd::dispatch(FmaLoop { rounds }));
-            });
-        };
-        let [update, peak] = rates([&mut learn, &mut multiply_add]);
+        let [update, peak] = rates([&mut learn, &mut || multiply_add(threads)]);
         let [act] = rates([&mut || collect(&mut agent, &mut rollout)]);
-        let operations = rounds as f64 * threads as f64 * FmaLoop::operations_per_round();
-        (update, act, peak * operations)
+        (update, act, peak * multiply_add_operations(threads))
     });
     let samples_per_second = update * (rollout.samples() * agent.config().epochs) as f64;
     let gflops = samples_per_second * operations_per_sample(&agent) * 1e-9;
@@ -95,6 +88,27 @@ pub fn bench(
         ratio: gflops / (peak * 1e-9),
         actions_per_second: act * rollout.samples() as f64,
     })
+}
+
+/// The processor's measured peak: floating-point operations per second of a loop of nothing but fused multiply-adds in
+/// `f32` on `threads` threads of the present pool, 10^9.
+pub fn peak_gflops(threads: usize) -> f64 {
+    let [peak] = rates([&mut || multiply_add(threads)]);
+    peak * multiply_add_operations(threads) * 1e-9
+}
+
+const MULTIPLY_ADD_ROUNDS: u64 = 1 << 20;
+
+fn multiply_add(threads: usize) {
+    (0..threads).into_par_iter().with_max_len(1).for_each(|_| {
+        black_box(simd::dispatch(FmaLoop {
+            rounds: MULTIPLY_ADD_ROUNDS,
+        }));
+    });
+}
+
+fn multiply_add_operations(threads: usize) -> f64 {
+    MULTIPLY_ADD_ROUNDS as f64 * threads as f64 * FmaLoop::operations_per_round()
 }
 
 /// Calls per second of each function in its fastest round; the rounds take turns, so that all meet the same machine.

@@ -26,7 +26,7 @@ mod state;
 mod update;
 
 pub use agent::{Agent, Layer, Policy};
-pub use bench::{BenchResult, bench};
+pub use bench::{BenchResult, bench, peak_gflops};
 pub use config::{Activation, Config, Head, InvalidConfig, Schedule};
 pub use distribution::{Beta, Differentiated, Gaussian};
 pub use rollout::{End, Mirror, Rollout};

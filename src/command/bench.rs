@@ -1,12 +1,12 @@
 //! `omniwalk bench`: throughput, measured on this machine.
 
 mod controller;
+mod environments;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, WrapErr};
-use omniwalk_env::Batch;
 use serde_json::{Value, json};
 
 use super::load;
@@ -25,7 +25,7 @@ pub struct Args {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// Environments alone: random actions at every control step, episodes start again when they end.
+    /// Environments alone, engine and task apart: random actions at every control step, episodes start again when they end.
     Env(Options),
     /// Training with its split into physics, inference and update.
     Train(Options),
@@ -95,7 +95,7 @@ fn throughput(args: &Args, options: &Options) -> miette::Result<Value> {
         What::Train(_) => train(&settings, options.seconds)?,
         What::Ppo(_) => ppo(&settings, options, threads)?,
         // On a thread of the pool: from outside it, every step would wake one and wait.
-        _ => rayon::scope(|_| env(&settings, options.seconds))?,
+        _ => rayon::scope(|_| environments::bench(&settings, options.seconds, threads))?,
     };
     result["threads"] = json!(threads);
     Ok(result)
@@ -103,48 +103,6 @@ fn throughput(args: &Args, options: &Options) -> miette::Result<Value> {
 
 fn available() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
-}
-
-fn env(settings: &Settings, seconds: u32) -> miette::Result<Value> {
-    let robot = load::robot(&settings.robot.path)?;
-    let mut batch = Batch::new(robot, &settings.env, settings.train.environments, settings.train.seed)?;
-    let n = batch.environments();
-    let mut actions = vec![0.5_f32; n * batch.shared().spec.action_len()];
-    let mut counter = 0_u32;
-    let mut rates = Vec::new();
-    for round in 0..=seconds {
-        let start = Instant::now();
-        let mut steps = 0;
-        while start.elapsed() < Duration::from_secs(1) {
-            for action in &mut actions {
-                counter = counter.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                *action = (counter >> 8) as f32 / (1 << 24) as f32;
-            }
-            batch.step(&actions);
-            batch.take_episodes();
-            steps += n;
-        }
-        // The first round warms up.
-        if round > 0 {
-            rates.push(steps as f64 / start.elapsed().as_secs_f64());
-        }
-    }
-    let rate = median(&mut rates);
-    say(format_args!(
-        "{:.0} policy steps/s ({} environments, {} at {} Hz; rounds {:.0} to {:.0})",
-        rate,
-        n,
-        engine(settings),
-        settings.env.engine.physics_hz,
-        rates[0],
-        rates[rates.len() - 1],
-    ))?;
-    Ok(json!({
-        "engine": engine(settings),
-        "environments": n,
-        "physics_hz": settings.env.engine.physics_hz,
-        "policy_steps_per_second": rate,
-    }))
 }
 
 fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {

@@ -4,7 +4,8 @@ use omniwalk_controller::{ROW, RowObserver};
 use serde::{Deserialize, Serialize};
 
 use crate::actuators::Actuators;
-use crate::engine::{self, Engine};
+use crate::clock::Clock;
+use crate::engine::{self, Engine, lanes};
 use crate::error::EnvError;
 use crate::task::environment::{Environment, Scratch};
 use crate::task::episode::{End, Episode, Outcome};
@@ -24,7 +25,17 @@ pub struct Group {
     /// The bases at the end of the step; `None` where the physics has gone non-finite.
     truths: Vec<Option<Truth>>,
     observer: RowObserver,
+    pub clock: Clock<{ PHASES.len() }>,
 }
+
+/// Phases of a control step in order.
+pub const PHASES: [&str; 6] = ["actions", "drives", "engine", "sensing", "reward", "resets"];
+const ACTIONS: usize = 0;
+const DRIVES: usize = 1;
+const ENGINE: usize = 2;
+const SENSING: usize = 3;
+const REWARD: usize = 4;
+const RESETS: usize = 5;
 
 /// A group's rows of the batch's arrays.
 pub struct Rows<'a> {
@@ -56,6 +67,7 @@ impl Group {
             poses: Poses::new(&shared.robot, worlds),
             truths: vec![None; worlds],
             observer: RowObserver::new(&shared.spec),
+            clock: Clock::new(),
         })
     }
 
@@ -78,23 +90,31 @@ impl Group {
             engine,
             actuators,
             environments,
+            clock,
             ..
         } = self;
+        clock.begin();
         let engine = &mut **engine;
         let actions = actions.chunks_exact(shared.spec.action_len());
         for (w, (environment, action)) in environments.iter_mut().zip(actions).enumerate() {
             environment.act(shared, engine, actuators, w, action);
         }
+        clock.lap(ACTIONS);
         let (dt, worlds) = (shared.config.physics_dt(), environments.len());
         for _ in 0..shared.config.substeps() {
-            engine.step(actuators.drive(engine.joints()));
+            let drive = actuators.drive(engine.joints());
+            clock.lap(DRIVES);
+            engine.step(drive);
+            clock.lap(ENGINE);
             actuators.sense(engine.joints());
             let loads = engine.foot_loads();
             for (w, environment) in environments.iter_mut().enumerate() {
                 environment.forces(&loads[w..], worlds, dt);
             }
         }
+        self.clock.lap(DRIVES);
         self.observe(shared, rows.observations);
+        self.clock.lap(SENSING);
         self.judge(shared, factors, &mut rows);
     }
 
@@ -133,10 +153,19 @@ impl Group {
             if let Some(end) = outcome.end {
                 let row = &mut rows.observations[w * n..(w + 1) * n];
                 rows.final_observations[w * n..(w + 1) * n].copy_from_slice(row);
+                self.clock.lap(REWARD);
                 self.episodes.push(environment.conclude(end));
                 environment.reset(shared, engine, &mut self.actuators, w, &mut self.scratch, row);
+                self.clock.lap(RESETS);
             }
         }
+        self.clock.lap(REWARD);
+    }
+
+    /// Operations of the next physics step by phase, see [`lanes::operations`].
+    pub fn operations(&mut self, shared: &Shared) -> Result<Vec<u64>, String> {
+        let drive = self.actuators.drive(self.engine.joints());
+        lanes::operations(&shared.robot, shared.config.physics_dt(), &*self.engine, drive)
     }
 
     pub fn save(&self, observations: &[f32]) -> SavedGroup {

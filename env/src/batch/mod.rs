@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::config::EnvConfig;
-use crate::engine::{self, BaseState, Engine};
+use crate::engine::{self, BaseState, Engine, Phase};
 use crate::error::EnvError;
 use crate::robot::{Base, Robot};
 use crate::task::command::CommandRange;
@@ -20,7 +20,7 @@ use crate::task::environment::Environment;
 use crate::task::episode::{End, Episode};
 use crate::task::reward::{Factors, Terms};
 use crate::task::shared::Shared;
-use group::{Group, Rows, SavedGroup};
+use group::{Group, PHASES, Rows, SavedGroup};
 
 /// A batch of environments. Row `e` of every array belongs to environment `e`.
 pub struct Batch {
@@ -202,6 +202,53 @@ impl Batch {
         for group in &mut self.groups {
             self.episodes.append(&mut group.episodes);
         }
+    }
+
+    /// Starts, or stops, the clocks that split steps into phases, from zero: of control steps and, if `engine`, of physics
+    /// steps too, which costs those a hundredth.
+    pub fn time_phases(&mut self, running: bool, engine: bool) {
+        for group in &mut self.groups {
+            group.clock.run(running);
+            group.engine.time_phases(running && engine);
+        }
+    }
+
+    /// Time by phase since [`Batch::time_phases`], added over all threads. `drives` is what happens between physics
+    /// steps, `sensing` goes up to the observation.
+    pub fn phases(&self) -> Vec<Phase> {
+        let mut phases = PHASES.map(|name| Phase { name, seconds: 0.0 });
+        for group in &self.groups {
+            for (phase, seconds) in phases.iter_mut().zip(group.clock.seconds()) {
+                phase.seconds += seconds;
+            }
+        }
+        phases.to_vec()
+    }
+
+    /// Time by phase of the physics step, likewise; empty where the engine has no phases.
+    pub fn engine_phases(&self) -> Vec<Phase> {
+        let mut phases = self.groups[0].engine.phases();
+        for group in &self.groups[1..] {
+            for (phase, own) in phases.iter_mut().zip(group.engine.phases()) {
+                phase.seconds += own.seconds;
+            }
+        }
+        phases
+    }
+
+    /// Floating-point operations of the next physics step of all environments by phase, see [`engine::lanes::operations`].
+    ///
+    /// # Errors
+    /// When the engine is not `lanes` in `f32`.
+    pub fn operations(&mut self) -> Result<Vec<u64>, String> {
+        let shared = &self.shared;
+        let mut sums = Vec::new();
+        for group in &mut self.groups {
+            let own = group.operations(shared)?;
+            sums.resize(own.len(), 0);
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        }
+        Ok(sums)
     }
 
     /// The environment `e`, its engine and its world there.

@@ -171,6 +171,15 @@ pub struct BaseState {
     pub angular_velocity: Vector3<f64>,
 }
 
+/// Time spent in a phase of the step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phase {
+    /// What it does.
+    pub name: &'static str,
+    /// Wall time since the clock was started, s.
+    pub seconds: f64,
+}
+
 /// A batch of worlds of one robot.
 ///
 /// An engine is deterministic: the same calls give the same bits, and a world's trajectory does not depend on
@@ -202,6 +211,16 @@ pub trait Engine: Send {
     /// World poses of the links `links` (indices into `Robot::links`) after the last step or reset: entry
     /// `k * worlds() + w` of `poses` is link `links[k]` of world `w`.
     fn link_poses(&mut self, links: &[usize], poses: &mut [IsometryMatrix3<f64>]);
+
+    /// Starts, or stops, a clock that splits steps into phases, from zero. Engines without phases do nothing.
+    fn time_phases(&mut self, running: bool) {
+        let _ = running;
+    }
+
+    /// Time by phase since [`Engine::time_phases`]; empty for engines without phases.
+    fn phases(&self) -> Vec<Phase> {
+        Vec::new()
+    }
 
     /// Sets the external force on the base link's origin, world frame, N; it acts until it is set again or the world is reset.
     fn push(&mut self, world: usize, force: Vector3<f64>);

@@ -2,13 +2,12 @@
 
 use nalgebra::{IsometryMatrix3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::Phase;
 use super::group::Group;
 use super::lane::{Kernel, MAX_WIDTH};
 use super::model::Model;
 use super::reset::{get_vector, idle, reset_lane, resting, set_vector};
 use super::work::{LinkWork, PHASES, Timer, Work};
-use crate::engine::{BaseState, Drive, Engine, JointState, Start, World};
+use crate::engine::{BaseState, Drive, Engine, JointState, Phase, Start, World};
 use crate::robot::Robot;
 
 /// Worlds in groups of `L::WIDTH`; the lanes left over in the last group hold a robot at rest without weight.
@@ -66,17 +65,11 @@ impl<L: Kernel> Batch<L> {
         batch
     }
 
-    pub fn time_phases(&mut self) {
+    /// Operations of the step under `drive` by phase; all zero where the lanes do not count.
+    pub fn operations(&mut self, drive: &Drive) -> [u64; PHASES.len()] {
         self.timer = Timer::new();
-        self.timer.enabled = true;
-    }
-
-    pub fn phases(&self) -> Vec<Phase> {
-        PHASES
-            .into_iter()
-            .zip(self.timer.seconds)
-            .map(|(name, seconds)| Phase { name, seconds })
-            .collect()
+        self.step(drive);
+        self.timer.operations
     }
 
     fn store_joints(&mut self) {
@@ -215,6 +208,18 @@ impl<L: Kernel> Engine for Batch<L> {
                 }
             }
         }
+    }
+
+    fn time_phases(&mut self, running: bool) {
+        self.timer.clock.run(running);
+    }
+
+    fn phases(&self) -> Vec<Phase> {
+        PHASES
+            .into_iter()
+            .zip(self.timer.clock.seconds())
+            .map(|(name, seconds)| Phase { name, seconds })
+            .collect()
     }
 
     fn push(&mut self, world: usize, force: Vector3<f64>) {

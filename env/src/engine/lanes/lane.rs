@@ -36,6 +36,8 @@ pub trait Lane:
     const WIDTH: usize;
     /// Whether the scalar is `f64`.
     const DOUBLE: bool;
+    /// Whether the operations count themselves, see [`super::count`].
+    const COUNTS: bool = false;
 
     /// Rounds to the scalar type.
     fn scalar(x: f64) -> Self::Scalar;

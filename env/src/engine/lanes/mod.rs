@@ -12,6 +12,7 @@
 //! couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`.
 
 mod contact;
+mod count;
 mod dynamics;
 mod engine;
 mod factor;
@@ -35,7 +36,7 @@ mod x86;
 
 use nalgebra::{IsometryMatrix3, Vector3};
 
-use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
+use super::{BaseState, Drive, Engine, EngineError, JointState, Phase, Start, World};
 use crate::robot::Robot;
 use engine::Batch;
 
@@ -111,15 +112,6 @@ impl Simd {
     }
 }
 
-/// Time spent in a phase of the step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Phase {
-    /// What it does.
-    pub name: &'static str,
-    /// Wall time since [`Lanes::time_phases`], s.
-    pub seconds: f64,
-}
-
 /// A batch of worlds for one thread. For several threads make several batches: results do not depend on the split.
 ///
 /// Until its first reset a world holds the robot at rest, without gravity.
@@ -189,15 +181,22 @@ impl Lanes {
         self.level
     }
 
-    /// Starts the clock that splits steps into phases.
-    pub fn time_phases(&mut self) {
-        on!(&mut self.batch, batch => batch.time_phases());
-    }
+}
 
-    /// Time by phase; all zero unless [`Lanes::time_phases`] was called.
-    pub fn phases(&self) -> Vec<Phase> {
-        on!(&self.batch, batch => batch.phases())
+/// Floating-point operations that a step of all worlds of `engine`, lanes in `f32`, takes under `drive`, in the order of
+/// [`Engine::phases`]: counted while the step is done with lanes that count (module `count`). The engine stays as it is.
+///
+/// # Errors
+/// When `engine` is another one, or of lanes in `f64`.
+pub fn operations(robot: &Robot, dt: f64, engine: &dyn Engine, drive: &Drive) -> Result<Vec<u64>, String> {
+    let mut counting = Batch::<count::Counted>::new(robot, dt, engine.worlds());
+    let mut bytes = vec![];
+    for world in 0..engine.worlds() {
+        bytes.clear();
+        engine.save(world, &mut bytes);
+        counting.load(world, &bytes)?;
     }
+    Ok(counting.operations(drive).to_vec())
 }
 
 impl Engine for Lanes {
@@ -224,6 +223,12 @@ impl Engine for Lanes {
     }
     fn link_poses(&mut self, links: &[usize], poses: &mut [IsometryMatrix3<f64>]) {
         on!(&mut self.batch, batch => batch.link_poses(links, poses));
+    }
+    fn time_phases(&mut self, running: bool) {
+        on!(&mut self.batch, batch => batch.time_phases(running));
+    }
+    fn phases(&self) -> Vec<Phase> {
+        on!(&self.batch, batch => batch.phases())
     }
     fn push(&mut self, world: usize, force: Vector3<f64>) {
         on!(&mut self.batch, batch => batch.push(world, force));

@@ -18,26 +18,26 @@ const SPEED_BOUND: f64 = 1e4;
 /// ones), then positions from the new velocities.
 #[inline(always)]
 pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>, timer: &mut Timer) {
-    timer.start();
+    timer.begin::<L>();
     kinematics::place_links(model, &group.state, work);
-    timer.lap(0);
+    timer.lap::<L>(0);
     dynamics::bias_force(model, group, work);
-    timer.lap(1);
+    timer.lap::<L>(1);
     dynamics::mass_matrix(model, work);
     dynamics::smooth_impulse(model, group, work);
     joint::apply_drives(model, group, work);
-    timer.lap(2);
+    timer.lap::<L>(2);
     factor::factor(&model.rows, &mut work.mass_matrix, &mut work.inverse_diagonal);
     factor::half_solve(&model.rows, &work.mass_matrix, &work.inverse_diagonal, &mut work.change);
     // Adding a zero impulse must not change a bit, so there is no negative zero to turn positive.
     for u in &mut work.change {
         *u += L::zero();
     }
-    timer.lap(3);
+    timer.lap::<L>(3);
     contact::prepare(model, group, work);
-    timer.lap(4);
+    timer.lap::<L>(4);
     joint::prepare_rows(model, group, work);
-    timer.lap(5);
+    timer.lap::<L>(5);
     for _ in 0..model.sweeps {
         contact::sweep(model, group, work);
         joint::sweep(model, group, work);
@@ -46,7 +46,7 @@ pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>,
     joint::store_torques(model, group, work);
     factor::finish_solve(&model.rows, &work.mass_matrix, &work.inverse_diagonal, &mut work.change);
     integrate(model, group, &work.change);
-    timer.lap(6);
+    timer.lap::<L>(6);
 }
 
 /// Adds the change of velocity and moves the positions.

@@ -1,11 +1,11 @@
 //! Scratch memory of a step, shared by the groups of a batch, and the clock that splits a step into phases.
 
-use std::time::Instant;
-
+use super::count;
 use super::lane::Lane;
 use super::model::Model;
 use super::spatial::{Force, Inertia, Motion};
 use super::vector::{Mat3, Sym3, Vec3};
+use crate::clock::Clock;
 
 /// A link's pose (position relative to the base link's origin) and motion.
 #[derive(Clone, Copy)]
@@ -166,36 +166,38 @@ pub const PHASES: [&str; 7] = [
     "sweeps and finish",
 ];
 
-/// Wall time by phase, kept only when asked for.
+/// Wall time by phase, kept only when asked for, and operations by phase of lanes that count.
 pub struct Timer {
-    pub enabled: bool,
-    pub seconds: [f64; PHASES.len()],
-    last: Instant,
+    pub clock: Clock<{ PHASES.len() }>,
+    pub operations: [u64; PHASES.len()],
+    counted: u64,
 }
 
 impl Timer {
     pub fn new() -> Self {
         Self {
-            enabled: false,
-            seconds: [0.0; PHASES.len()],
-            last: Instant::now(),
+            clock: Clock::new(),
+            operations: [0; PHASES.len()],
+            counted: 0,
         }
     }
 
     #[inline(always)]
-    pub fn start(&mut self) {
-        if self.enabled {
-            self.last = Instant::now();
+    pub fn begin<L: Lane>(&mut self) {
+        self.clock.begin();
+        if L::COUNTS {
+            self.counted = count::done();
         }
     }
 
-    /// Books the time since the last call on `phase`.
+    /// Books what has happened since the last call on `phase`.
     #[inline(always)]
-    pub fn lap(&mut self, phase: usize) {
-        if self.enabled {
-            let now = Instant::now();
-            self.seconds[phase] += (now - self.last).as_secs_f64();
-            self.last = now;
+    pub fn lap<L: Lane>(&mut self, phase: usize) {
+        self.clock.lap(phase);
+        if L::COUNTS {
+            let done = count::done();
+            self.operations[phase] += done - self.counted;
+            self.counted = done;
         }
     }
 }
