@@ -250,6 +250,11 @@ impl Actuators {
         &self.drive
     }
 
+    /// What [`Actuators::drive`] gave last.
+    pub fn last_drive(&self) -> &Drive {
+        &self.drive
+    }
+
     fn run_effects(&mut self, joints: &JointState) {
         let drive = &mut self.drive;
         for effects in &mut self.effects {

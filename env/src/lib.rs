@@ -12,6 +12,7 @@ pub mod config;
 pub mod effect;
 pub mod engine;
 mod error;
+pub mod ground;
 pub mod plant;
 pub mod probe;
 pub mod random;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::actuators::Actuators;
 use crate::config::EnvConfig;
-use crate::engine::{self, BaseState, Engine, Start};
+use crate::engine::{self, BaseState, Engine};
 use crate::error::EnvError;
 use crate::random::Stream;
 use crate::robot::Robot;
@@ -28,11 +28,11 @@ impl Plant {
     /// [`EnvError`] when robot, configuration and engine do not fit together.
     pub fn new(robot: &Arc<Robot>, config: &EnvConfig, seed: u64) -> Result<Self, EnvError> {
         let shared = Shared::new(robot.clone(), config, seed)?;
-        let mut engine = engine::build(robot, config, 1)?;
+        let mut engine = engine::build(robot, &shared.ground, config, 1)?;
         let mut stream = Stream::new(seed, 0, 0);
         let mut world = shared.nominal.clone();
         shared.draw_world(&mut stream, &mut world);
-        engine.reset(0, &Start::nominal(robot), &world);
+        engine.reset(0, &shared.nominal_start(), &world);
         Ok(Self {
             actuators: Actuators::new(robot, config.physics_dt(), 1),
             reading: Reading::zero(robot.policy.len()),

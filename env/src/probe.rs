@@ -144,7 +144,7 @@ struct Rig {
 impl Rig {
     fn new(robot: &Arc<Robot>, config: &EnvConfig, worlds: usize) -> Result<Self, EnvError> {
         let shared = Shared::new(robot.clone(), config, 0)?;
-        let engine = engine::build(robot, config, worlds)?;
+        let engine = engine::build(robot, &shared.ground, config, worlds)?;
         Ok(Self {
             actuators: Actuators::new(robot, config.physics_dt(), worlds),
             engine,

@@ -57,7 +57,7 @@ pub struct SavedGroup {
 impl Group {
     pub fn new(shared: &Shared, first: usize, worlds: usize) -> Result<Self, EnvError> {
         Ok(Self {
-            engine: engine::build(&shared.robot, &shared.config, worlds)?,
+            engine: engine::build(&shared.robot, &shared.ground, &shared.config, worlds)?,
             actuators: Actuators::new(&shared.robot, shared.config.physics_dt(), worlds),
             environments: (0..worlds)
                 .map(|w| Environment::new(shared, first + w))
@@ -162,10 +162,15 @@ impl Group {
         self.clock.lap(REWARD);
     }
 
-    /// Operations of the next physics step by phase, see [`lanes::operations`].
-    pub fn operations(&mut self, shared: &Shared) -> Result<Vec<u64>, String> {
-        let drive = self.actuators.drive(self.engine.joints());
-        lanes::operations(&shared.robot, shared.config.physics_dt(), &*self.engine, drive)
+    /// Operations of a physics step with the drive of the last one, see [`lanes::operations`].
+    pub fn operations(&self, shared: &Shared) -> Result<Vec<u64>, String> {
+        lanes::operations(
+            &shared.ground,
+            &shared.robot,
+            shared.config.physics_dt(),
+            &*self.engine,
+            self.actuators.last_drive(),
+        )
     }
 
     pub fn save(&self, observations: &[f32]) -> SavedGroup {

@@ -236,14 +236,14 @@ impl Batch {
         phases
     }
 
-    /// Floating-point operations of the next physics step of all environments by phase, see [`engine::lanes::operations`].
+    /// Floating-point operations of a physics step of all environments by phase, were it done now with the last drives, see [`engine::lanes::operations`].
     ///
     /// # Errors
     /// When the engine is not `lanes` in `f32`.
-    pub fn operations(&mut self) -> Result<Vec<u64>, String> {
+    pub fn operations(&self) -> Result<Vec<u64>, String> {
         let shared = &self.shared;
         let mut sums = Vec::new();
-        for group in &mut self.groups {
+        for group in &self.groups {
             let own = group.operations(shared)?;
             sums.resize(own.len(), 0);
             sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);

@@ -40,6 +40,34 @@ pub struct EngineConfig {
     pub simd: SimdChoice,
 }
 
+/// The shapes of the ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GroundKind {
+    /// Flat and level.
+    Plane,
+    /// Flat and tilted.
+    Slope,
+    /// A field of random heights.
+    Rough,
+}
+
+/// Section `[ground]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GroundConfig {
+    /// Which shape.
+    pub kind: GroundKind,
+    /// Angles by which a slope rises along x and y, rad.
+    pub slope: [f64; 2],
+    /// Heights of rough ground are uniform within this distance of zero, m.
+    pub amplitude: f64,
+    /// Distance between these heights, m.
+    pub cell: f64,
+    /// Seed of these heights.
+    pub seed: u64,
+}
+
 /// Section `[observation]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -266,6 +294,8 @@ pub struct PushConfig {
 pub struct EnvConfig {
     /// `[engine]`
     pub engine: EngineConfig,
+    /// `[ground]`
+    pub ground: GroundConfig,
     /// `[observation]`
     pub observation: ObservationConfig,
     /// `[action]`

@@ -32,6 +32,18 @@ impl EnvConfig {
                 e.control_hz
             ),
         );
+        let g = &self.ground;
+        require(
+            g.slope.iter().all(|angle| angle.abs() <= 0.7),
+            "ground.slope",
+            "two angles from -0.7 to 0.7 rad".into(),
+        );
+        require(
+            (0.0..=1.0).contains(&g.amplitude),
+            "ground.amplitude",
+            "0 to 1 m".into(),
+        );
+        require((0.01..=10.0).contains(&g.cell), "ground.cell", "0.01 to 10 m".into());
         let o = &self.observation;
         require(!o.blocks.is_empty(), "observation.blocks", "at least one block".into());
         require(

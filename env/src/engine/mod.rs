@@ -1,6 +1,6 @@
 //! Physics behind one trait over batches of worlds.
 //!
-//! An [`Engine`] steps `worlds()` copies of one robot on flat ground. It knows gravity, joints, contacts and a
+//! An [`Engine`] steps `worlds()` copies of one robot on one [`Ground`]. It knows gravity, joints, contacts and a
 //! drive per degree of freedom that is constant over one physics step; everything an actuator or a sensor does
 //! beyond that is written once, outside. Arrays over joints are structures of arrays:
 //! entry `d * worlds + w` is degree of freedom `d` of world `w`.
@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{EngineKind, EnvConfig};
 use crate::effect::engine_passive;
+use crate::ground::Ground;
 use crate::robot::{Inertial, Passive, Robot};
 
 /// Why an engine cannot be made.
@@ -238,20 +239,23 @@ pub trait Engine: Send {
     fn load(&mut self, world: usize, bytes: &[u8]) -> Result<(), String>;
 }
 
-/// An engine of the configured kind with `worlds` worlds of `robot`.
+/// An engine of the configured kind with `worlds` worlds of `robot` on `ground`.
 ///
 /// # Errors
 /// [`EngineError`] when the engine does not take the robot, or this processor lacks the SIMD level.
-pub fn build(robot: &Robot, config: &EnvConfig, worlds: usize) -> Result<Box<dyn Engine>, EngineError> {
+pub fn build(
+    robot: &Robot,
+    ground: &Ground,
+    config: &EnvConfig,
+    worlds: usize,
+) -> Result<Box<dyn Engine>, EngineError> {
     let dt = config.physics_dt();
     match config.engine.kind {
-        EngineKind::Rapier => Ok(Box::new(rapier::Rapier::new(robot, dt, worlds)?)),
-        EngineKind::Lanes => Ok(Box::new(lanes::Lanes::new(
-            robot,
-            dt,
-            worlds,
-            config.engine.simd.level(),
-        )?)),
+        EngineKind::Rapier => Ok(Box::new(rapier::Rapier::on(ground, robot, dt, worlds)?)),
+        EngineKind::Lanes => {
+            let level = config.engine.simd.level();
+            Ok(Box::new(lanes::Lanes::on(ground, robot, dt, worlds, level)?))
+        }
     }
 }
 

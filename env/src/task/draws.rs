@@ -2,6 +2,7 @@
 
 use super::environment::{Environment, Scratch};
 use super::shared::Shared;
+use crate::ground::Ground;
 
 impl Environment {
     /// Draws what stays for the episode but its physics and its latency.
@@ -40,7 +41,8 @@ impl Environment {
             scratch.start.joints[d] = (joint.nominal + noise).clamp(joint.limits.0, joint.limits.1);
         }
         // The lowest corner of the soles touches the ground.
-        if deviation > 0.0 && !robot.feet.is_empty() {
+        let level = shared.ground == Ground::Plane;
+        if (deviation > 0.0 || !level) && !robot.feet.is_empty() {
             scratch
                 .kinematics
                 .set_pose(robot, &robot.base_pose, &scratch.start.joints);

@@ -256,7 +256,7 @@ impl Environment {
         }
         let truth = Truth::new(&engine.base(world));
         for (sole, (foot, shape)) in self.soles.iter_mut().zip(shared.robot.feet.iter().zip(&shared.soles)) {
-            *sole = shape.at(poses.of(world, foot.link));
+            *sole = shape.at(poses.of(world, foot.link), &shared.ground);
         }
         self.gait.soles(&self.soles, shared.config.control_dt());
         // What the policy knew when it acted: a command drawn now is not held against it.
@@ -359,7 +359,7 @@ impl Environment {
 
     pub(super) fn place_soles(&mut self, shared: &Shared, kinematics: &Kinematics) {
         for (sole, (foot, shape)) in self.soles.iter_mut().zip(shared.robot.feet.iter().zip(&shared.soles)) {
-            *sole = shape.at(&with_matrix(kinematics.pose(foot.link)));
+            *sole = shape.at(&with_matrix(kinematics.pose(foot.link)), &shared.ground);
         }
     }
 }

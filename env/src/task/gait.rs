@@ -62,12 +62,12 @@ pub struct Gait {
     pub flight: f64,
 }
 
-/// A sole at the end of a control step, world frame.
+/// A sole at the end of a control step, world frame but for heights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sole {
-    /// Centre, m.
+    /// Centre, m; its z is the height above the ground under it.
     pub centre: [f64; 3],
-    /// Height of the lowest corner, m.
+    /// Height of the lowest corner above the ground under it, m.
     pub lowest: f64,
     /// Rotation about the horizontal forward axis of the sole, rad.
     pub roll: f64,

@@ -6,12 +6,13 @@ use nalgebra::Vector3;
 use omniwalk_controller::{ActionSpec, Block, ClockSpec, CommandSpec, Spec};
 
 use super::overlap::Overlap;
-use super::sole::SoleShape;
+use super::sole::{SoleShape, with_matrix};
 use crate::config::EnvConfig;
-use crate::engine::{Friction, GRAVITY, World};
+use crate::engine::{Friction, GRAVITY, Start, World};
 use crate::error::EnvError;
+use crate::ground::Ground;
 use crate::random::Stream;
-use crate::robot::{Robot, matches};
+use crate::robot::{Kinematics, Robot, matches};
 use crate::truth::Truth;
 
 /// Shared, immutable context of a batch.
@@ -20,6 +21,8 @@ pub struct Shared {
     pub robot: Arc<Robot>,
     /// Configuration.
     pub config: EnvConfig,
+    /// What the robots walk on.
+    pub ground: Ground,
     /// Layout of observation and action.
     pub spec: Spec,
     /// Seed of every environment's random streams.
@@ -70,6 +73,7 @@ impl Shared {
             overlap: Overlap::new(&robot),
             weight: robot.mass() * GRAVITY,
             nominal: nominal_world(&robot, config),
+            ground: Ground::new(&config.ground),
             config: config.clone(),
             seed,
             robot,
@@ -101,13 +105,27 @@ impl Shared {
         }
     }
 
-    /// Whether a robot stands: its base is high enough and its fused roll and pitch are within their bounds.
+    /// Whether a robot stands: its base is high enough above the ground under it and its fused roll and pitch are within their bounds.
     pub fn stands(&self, truth: &Truth) -> bool {
         let [roll, pitch] = self.tilt;
         let lowest = self.config.task.min_height * self.robot.base_pose.translation.z;
         let up = &truth.up;
         // Fused roll and pitch are asin(up_y) and asin(-up_x).
-        truth.position.z > lowest && up.z > 0.0 && up.y.abs() < roll && up.x.abs() < pitch
+        let height = truth.position.z - self.ground.height(truth.position.x, truth.position.y);
+        height > lowest && up.z > 0.0 && up.y.abs() < roll && up.x.abs() < pitch
+    }
+
+    /// The robot's nominal start, with the lowest corner of the soles on the ground.
+    pub fn nominal_start(&self) -> Start {
+        let mut start = Start::nominal(&self.robot);
+        if self.ground != Ground::Plane && !self.robot.feet.is_empty() {
+            let kinematics = Kinematics::new(&self.robot);
+            let feet = self.robot.feet.iter().zip(&self.soles);
+            start.position.z -= feet
+                .map(|(foot, shape)| shape.at(&with_matrix(kinematics.pose(foot.link)), &self.ground).lowest)
+                .fold(f64::INFINITY, f64::min);
+        }
+        start
     }
 
     /// Draws the latency of an episode, in control steps.

@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, IsometryMatrix3, Vector3};
 
 use super::gait::Sole;
+use crate::ground::Ground;
 use crate::robot::Foot;
 
 /// A sole in its link's frame.
@@ -23,15 +24,25 @@ impl SoleShape {
         }
     }
 
-    /// The sole when its link is at `link` in the world.
-    pub fn at(&self, link: &IsometryMatrix3<f64>) -> Sole {
+    /// The sole when its link is at `link` in the world; heights are above the `ground` under the point.
+    pub fn at(&self, link: &IsometryMatrix3<f64>, ground: &Ground) -> Sole {
         let rotation = link.rotation.matrix();
         let height = |v: &Vector3<f64>| rotation[(2, 0)] * v.x + rotation[(2, 1)] * v.y + rotation[(2, 2)] * v.z;
         let centre = rotation * self.centre + link.translation.vector;
-        let lowest = self.corners.iter().map(height).fold(f64::INFINITY, f64::min);
+        let lowest = if *ground == Ground::Plane {
+            self.corners.iter().map(height).fold(f64::INFINITY, f64::min) + link.translation.z
+        } else {
+            let corners = self
+                .corners
+                .iter()
+                .map(|corner| rotation * corner + link.translation.vector);
+            corners
+                .map(|corner| corner.z - ground.height(corner.x, corner.y))
+                .fold(f64::INFINITY, f64::min)
+        };
         Sole {
-            centre: [centre.x, centre.y, centre.z],
-            lowest: lowest + link.translation.z,
+            centre: [centre.x, centre.y, centre.z - ground.height(centre.x, centre.y)],
+            lowest,
             // The tilt of the sole's y axis against the horizontal is its rotation about the forward direction.
             roll: height(&self.sideways).clamp(-1.0, 1.0).asin(),
         }

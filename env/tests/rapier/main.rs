@@ -4,5 +4,6 @@ mod batch;
 mod contacts;
 mod drives;
 mod joints;
+mod lanes;
 mod nimbro;
 mod robots;

@@ -147,7 +147,11 @@ fn print(result: &Value) {
     let list = |key: &str| result[key].as_array().cloned().unwrap_or_default();
     println!("us a policy step:");
     for phase in list("phases") {
-        println!("  {:18} {:6.3}", phase["name"].as_str().unwrap_or_default(), number(&phase["us"]));
+        println!(
+            "  {:18} {:6.3}",
+            phase["name"].as_str().unwrap_or_default(),
+            number(&phase["us"])
+        );
     }
     let phases = list("engine_phases");
     if phases.is_empty() {

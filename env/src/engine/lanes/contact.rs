@@ -11,8 +11,10 @@ use super::group::{ContactImpulse, Group};
 use super::lane::Lane;
 use super::model::{ContactBody, Model, ROOT};
 use super::spatial::{Force, Motion};
-use super::vector::Vec3;
+use super::tilt::Tilt;
+use super::vector::{Sym3, Vec3};
 use super::work::{BodyWork, LinkWork, PointWork, Work};
+use crate::ground::Ground;
 
 /// Normal stiffness of a contact point, N/m.
 const STIFFNESS: f64 = 1e5;
@@ -22,26 +24,34 @@ const DAMPING: f64 = 1e3;
 const PUSH_OUT: f64 = 1.0;
 /// Points farther above the ground than this do not take part, m: a point that falls at 10 m/s meets the ground in time at 200 Hz.
 const REACH: f64 = 0.05;
-/// Height of a point above the ground. The ground is the plane z = 0: its normal is the z axis everywhere, and the tangents
-/// are x and y.
-#[inline(always)]
-fn gap<L: Lane>(base_height: L, position: Vec3<L>) -> L {
-    base_height + position.z
-}
-
 /// After the factorisation: every body's response, its points, and the warm start.
 #[inline(always)]
 pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
+    if model.ground == Ground::Plane {
+        prepare_on::<L, false>(model, group, work);
+    } else {
+        prepare_on::<L, true>(model, group, work);
+    }
+}
+
+/// The level plane has its own copy of everything that is done often: its normal is the z axis everywhere, and the tangents are
+/// x and y.
+#[inline(always)]
+fn prepare_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
     let base_height = L::load(&group.state.position[2]);
     for (b, body) in model.bodies.iter().enumerate() {
         let link = work.links[body.link];
         let centre = centre(&link, body);
         let target = &mut work.bodies[b];
         target.active = false;
-        for (point, &position) in target.points.iter_mut().zip(&body.points) {
+        for (p, (point, &position)) in target.points.iter_mut().zip(&body.points).enumerate() {
             let position = link.position.plus(link.rotation.apply(Vec3::splat(position)));
             point.arm = position.minus(centre);
-            let gap = gap(base_height, position);
+            let gap = if TILTED {
+                target.tilts[p].place(&model.ground, &group.state, position)
+            } else {
+                base_height + position.z
+            };
             target.active |= gap.any_lt(L::of(REACH));
             place_point(point, gap, model.dt);
         }
@@ -64,16 +74,26 @@ pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<
         );
         target.response = gram(&target.columns);
         let cone = Cone::new(&group.parameters.friction, model.dt);
-        target.turning = cone.turning_block(&target.response);
+        let turning = turning(&target.response);
+        if !TILTED {
+            target.turning = cone.turning_block(&turning);
+        }
         let mut wrench = Force::zero();
-        for (point, impulse) in target.points.iter_mut().zip(impulses) {
-            point_response(&target.response, point, &cone, model.dt);
+        for (p, (point, impulse)) in target.points.iter_mut().zip(impulses).enumerate() {
+            let tilt = if TILTED {
+                let tilt = &mut target.tilts[p];
+                tilt.turning = cone.turning_block(&tilt.matrix(&turning));
+                Some(&*tilt)
+            } else {
+                None
+            };
+            point_response(&target.response, point, tilt, &cone, model.dt);
             let [o, reach] = [L::zero(), point.normal_max];
             impulse.normal = o.select_lt(reach, impulse.normal, o);
             for f in &mut impulse.friction {
                 *f = o.select_lt(reach, *f, o);
             }
-            wrench = wrench.plus(point_wrench(point, impulse, &cone));
+            wrench = wrench.plus(point_wrench(point, tilt, impulse, &cone));
         }
         add_wrench(body, target, wrench.array(), &mut work.change);
     }
@@ -168,9 +188,28 @@ fn at_point<L: Lane>(twist: &[L; 6], arm: Vec3<L>) -> [L; 6] {
     .array()
 }
 
+/// Turning velocity per unit of moment.
+#[inline(always)]
+fn turning<L: Lane>(response: &[[L; 6]; 6]) -> Sym3<L> {
+    Sym3 {
+        xx: response[3][3],
+        xy: response[4][3],
+        xz: response[5][3],
+        yy: response[4][4],
+        yz: response[5][4],
+        zz: response[5][5],
+    }
+}
+
 /// The point's inverse inertias: its normal row, and in scaled coordinates how sliding answers to sliding and turning.
 #[inline(always)]
-fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, cone: &Cone<L>, dt: f64) {
+fn point_response<L: Lane>(
+    response: &[[L; 6]; 6],
+    point: &mut PointWork<L>,
+    tilt: Option<&Tilt<L>>,
+    cone: &Cone<L>,
+    dt: f64,
+) {
     let arm = point.arm;
     // Motion of the point per wrench at the reference point: rows shift, linear += angular x arm.
     let mut rows = [[L::zero(); 6]; 3];
@@ -183,11 +222,16 @@ fn point_response<L: Lane>(response: &[[L; 6]; 6], point: &mut PointWork<L>, con
         rows[2][c] = shifted.z;
     }
     // A force at the point acts at the reference point with moment arm x force: the columns shift like the rows.
-    let [along_x, along_y, normal] = [
+    let mut rows = [
         at_point(&rows[0], arm),
         at_point(&rows[1], arm),
         at_point(&rows[2], arm),
     ];
+    if let Some(tilt) = tilt {
+        rows = tilt.rows(&rows);
+        rows = [tilt.twist(&rows[0]), tilt.twist(&rows[1]), tilt.twist(&rows[2])];
+    }
+    let [along_x, along_y, normal] = rows;
     point.normal_step = (normal[2] + L::of(softness(dt))).recip();
     cone.couple(point, &[along_x, along_y, normal]);
 }
@@ -200,12 +244,23 @@ fn softness(dt: f64) -> f64 {
 
 /// The wrench of a point's impulse about the body's reference point.
 #[inline(always)]
-fn point_wrench<L: Lane>(point: &PointWork<L>, impulse: &ContactImpulse<L>, cone: &Cone<L>) -> Force<L> {
+fn point_wrench<L: Lane>(
+    point: &PointWork<L>,
+    tilt: Option<&Tilt<L>>,
+    impulse: &ContactImpulse<L>,
+    cone: &Cone<L>,
+) -> Force<L> {
     let [x, y, a, b, c] = cone.components(&impulse.friction);
-    let force = Vec3::new(x, y, impulse.normal);
+    let mut own = Force {
+        force: Vec3::new(x, y, impulse.normal),
+        moment: Vec3::new(a, b, c),
+    };
+    if let Some(tilt) = tilt {
+        own = tilt.force(own);
+    }
     Force {
-        force,
-        moment: Vec3::new(a, b, c).plus_cross(point.arm, force),
+        force: own.force,
+        moment: own.moment.plus_cross(point.arm, own.force),
     }
 }
 
@@ -226,6 +281,15 @@ fn dot6<L: Lane>(a: &[L; 6], b: &[L; 6]) -> L {
 /// Visits every body that may touch: its points see the body's twist, the rest of the robot the body's total wrench.
 #[inline(always)]
 pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
+    if model.ground == Ground::Plane {
+        sweep_on::<L, false>(model, group, work);
+    } else {
+        sweep_on::<L, true>(model, group, work);
+    }
+}
+
+#[inline(always)]
+fn sweep_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
     let cone = Cone::new(&group.parameters.friction, model.dt);
     for (body, target) in model.bodies.iter().zip(&work.bodies) {
         if !target.active {
@@ -242,10 +306,16 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
         let mut wrench = Force::zero();
         let last = body.points.len() - 1;
         for (p, (point, impulse)) in target.points.iter().zip(impulses).enumerate() {
-            let velocity = at_point(&twist, point.arm);
+            let tilt = if TILTED { Some(&target.tilts[p]) } else { None };
+            let mut velocity = at_point(&twist, point.arm);
+            let mut turning = &target.turning;
+            if let Some(tilt) = tilt {
+                velocity = tilt.twist(&velocity);
+                turning = &tilt.turning;
+            }
             let normal = push(point, impulse, velocity[2], model.dt);
-            let friction = rub(point, &target.turning, impulse, &velocity, normal, &cone);
-            let change = point_wrench(point, &ContactImpulse { normal, friction }, &cone);
+            let friction = rub(point, turning, impulse, &velocity, normal, &cone);
+            let change = point_wrench(point, tilt, &ContactImpulse { normal, friction }, &cone);
             wrench = wrench.plus(change);
             // Nobody looks at the twist after the last point.
             if p < last {
@@ -273,14 +343,18 @@ fn push<L: Lane>(point: &PointWork<L>, impulse: &mut ContactImpulse<L>, velocity
 
 /// Ground force on every body, averaged over the step.
 #[inline(always)]
-pub fn store_forces<L: Lane>(model: &Model<L>, group: &mut Group<L>) {
+pub fn store_forces<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &Work<L>) {
     let rate = L::of(1.0 / model.dt);
     let scale = group.parameters.friction[0] * rate;
-    for (body, force) in model.bodies.iter().zip(&mut group.state.ground_force) {
+    for ((body, target), force) in model.bodies.iter().zip(&work.bodies).zip(&mut group.state.ground_force) {
         *force = Vec3::zero();
-        for impulse in &group.state.contacts[body.first_point..][..body.points.len()] {
+        for (p, impulse) in group.state.contacts[body.first_point..][..body.points.len()]
+            .iter()
+            .enumerate()
+        {
             let [x, y, ..] = impulse.friction;
-            *force = force.plus(Vec3::new(x * scale, y * scale, impulse.normal * rate));
+            let own = Vec3::new(x * scale, y * scale, impulse.normal * rate);
+            *force = force.plus(target.tilts.get(p).map_or(own, |tilt| tilt.in_world(own)));
         }
     }
 }

@@ -12,7 +12,7 @@ use super::kinematics;
 use super::lane::{Kernel, Lane, operators};
 use super::model::Model;
 use super::step;
-use super::work::{PHASES, Timer, Work};
+use super::work::{Timer, Work};
 
 /// Robots in a group of the fastest level, whose steps are counted.
 const WIDTH: usize = 32;

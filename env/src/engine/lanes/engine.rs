@@ -8,6 +8,7 @@ use super::model::Model;
 use super::reset::{get_vector, idle, reset_lane, resting, set_vector};
 use super::work::{LinkWork, PHASES, Timer, Work};
 use crate::engine::{BaseState, Drive, Engine, JointState, Phase, Start, World};
+use crate::ground::Ground;
 use crate::robot::Robot;
 
 /// Worlds in groups of `L::WIDTH`; the lanes left over in the last group hold a robot at rest without weight.
@@ -27,8 +28,8 @@ pub struct Batch<L: Kernel> {
 }
 
 impl<L: Kernel> Batch<L> {
-    pub fn new(robot: &Robot, dt: f64, worlds: usize) -> Self {
-        let model = Model::<L>::new(robot, dt);
+    pub fn new(ground: &Ground, robot: &Robot, dt: f64, worlds: usize) -> Self {
+        let model = Model::<L>::new(ground, robot, dt);
         let mut groups: Vec<_> = (0..worlds.div_ceil(L::WIDTH)).map(|_| Group::new(&model)).collect();
         let follower = |j: usize| {
             let (leader, ratio) = robot.joints[j].mimic.map_or((j, 1.0), |m| (m.joint, m.multiplier));

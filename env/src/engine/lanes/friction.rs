@@ -51,19 +51,19 @@ impl<L: Lane> Cone<L> {
         scaled(impulse, &self.scale)
     }
 
-    /// Turning velocity per unit of moment in scaled coordinates: the same at every point of a body.
+    /// Turning velocity per unit of moment in scaled coordinates, from what it is in the point's axes.
     #[inline(always)]
-    pub fn turning_block(&self, response: &[[L; 6]; 6]) -> Sym3<L> {
+    pub fn turning_block(&self, turning: &Sym3<L>) -> Sym3<L> {
         let [_, _, a, b, c] = self.scale;
         let [_, _, creep_a, creep_b, creep_c] = self.creep;
         let least = L::of(LEAST_RESPONSE);
         Sym3 {
-            xx: (a * a).mul_add(response[3][3], creep_a + least),
-            xy: a * b * response[4][3],
-            xz: a * c * response[5][3],
-            yy: (b * b).mul_add(response[4][4], creep_b + least),
-            yz: b * c * response[5][4],
-            zz: (c * c).mul_add(response[5][5], creep_c + least),
+            xx: (a * a).mul_add(turning.xx, creep_a + least),
+            xy: a * b * turning.xy,
+            xz: a * c * turning.xz,
+            yy: (b * b).mul_add(turning.yy, creep_b + least),
+            yz: b * c * turning.yz,
+            zz: (c * c).mul_add(turning.zz, creep_c + least),
         }
     }
 

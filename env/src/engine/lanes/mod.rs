@@ -9,7 +9,7 @@
 //! A step is: poses and bias forces (recursive Newton-Euler), mass matrix (composite rigid bodies), implicit drives
 //! on the diagonal, sparse factorisation, Gauss-Seidel sweeps over contacts, drive clamps, dry friction and limits in
 //! coordinates where all inertias are one, semi-implicit Euler. The modules explain their part: `model` (tree,
-//! couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`.
+//! couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`, `tilt` (ground that is no level plane).
 
 mod contact;
 mod count;
@@ -29,6 +29,7 @@ mod spatial;
 mod step;
 #[cfg(test)]
 mod tests;
+mod tilt;
 mod vector;
 mod work;
 #[cfg(target_arch = "x86_64")]
@@ -37,6 +38,7 @@ mod x86;
 use nalgebra::{IsometryMatrix3, Vector3};
 
 use super::{BaseState, Drive, Engine, EngineError, JointState, Phase, Start, World};
+use crate::ground::Ground;
 use crate::robot::Robot;
 use engine::Batch;
 
@@ -151,11 +153,19 @@ macro_rules! on {
 }
 
 impl Lanes {
-    /// `worlds` copies of `robot` at a physics step of `dt` seconds.
+    /// `worlds` copies of `robot` on a level plane at a physics step of `dt` seconds.
     ///
     /// # Errors
     /// When `dt` is not a positive number or the processor lacks the instructions of `level`.
     pub fn new(robot: &Robot, dt: f64, worlds: usize, level: Simd) -> Result<Self, EngineError> {
+        Self::on(&Ground::Plane, robot, dt, worlds, level)
+    }
+
+    /// The same on any ground.
+    ///
+    /// # Errors
+    /// As [`Lanes::new`].
+    pub fn on(ground: &Ground, robot: &Robot, dt: f64, worlds: usize, level: Simd) -> Result<Self, EngineError> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(EngineError::TimeStep { dt });
         }
@@ -164,14 +174,14 @@ impl Lanes {
         }
         let batch = match level {
             #[cfg(target_arch = "x86_64")]
-            Simd::F32x16 => Level::F32x16(Box::new(Batch::new(robot, dt, worlds))),
+            Simd::F32x16 => Level::F32x16(Box::new(Batch::new(ground, robot, dt, worlds))),
             #[cfg(target_arch = "x86_64")]
-            Simd::F32x8 => Level::F32x8(Box::new(Batch::new(robot, dt, worlds))),
+            Simd::F32x8 => Level::F32x8(Box::new(Batch::new(ground, robot, dt, worlds))),
             #[cfg(target_arch = "x86_64")]
-            Simd::F64x8 => Level::F64x8(Box::new(Batch::new(robot, dt, worlds))),
+            Simd::F64x8 => Level::F64x8(Box::new(Batch::new(ground, robot, dt, worlds))),
             #[cfg(target_arch = "x86_64")]
-            Simd::F64x4 => Level::F64x4(Box::new(Batch::new(robot, dt, worlds))),
-            _ => Level::Scalar(Box::new(Batch::new(robot, dt, worlds))),
+            Simd::F64x4 => Level::F64x4(Box::new(Batch::new(ground, robot, dt, worlds))),
+            _ => Level::Scalar(Box::new(Batch::new(ground, robot, dt, worlds))),
         };
         Ok(Self { level, batch })
     }
@@ -180,7 +190,6 @@ impl Lanes {
     pub fn level(&self) -> Simd {
         self.level
     }
-
 }
 
 /// Floating-point operations that a step of all worlds of `engine`, lanes in `f32`, takes under `drive`, in the order of
@@ -188,8 +197,14 @@ impl Lanes {
 ///
 /// # Errors
 /// When `engine` is another one, or of lanes in `f64`.
-pub fn operations(robot: &Robot, dt: f64, engine: &dyn Engine, drive: &Drive) -> Result<Vec<u64>, String> {
-    let mut counting = Batch::<count::Counted>::new(robot, dt, engine.worlds());
+pub fn operations(
+    ground: &Ground,
+    robot: &Robot,
+    dt: f64,
+    engine: &dyn Engine,
+    drive: &Drive,
+) -> Result<Vec<u64>, String> {
+    let mut counting = Batch::<count::Counted>::new(ground, robot, dt, engine.worlds());
     let mut bytes = vec![];
     for world in 0..engine.worlds() {
         bytes.clear();

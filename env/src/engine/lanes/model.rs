@@ -15,6 +15,7 @@ use std::collections::BTreeSet;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::lane::Lane;
+use crate::ground::Ground;
 use crate::robot::{Base, JointKind, Robot};
 
 /// The degrees of freedom of a floating base: three translations, then three rotations, world axes.
@@ -89,6 +90,8 @@ pub struct ContactBody<L: Lane> {
 pub struct Model<L: Lane> {
     /// Physics step, s.
     pub dt: f64,
+    /// What the contact points touch.
+    pub ground: Ground,
     /// Gauss-Seidel sweeps over all contacts and joints in a step.
     pub sweeps: usize,
     pub floating: bool,
@@ -111,8 +114,8 @@ pub struct Model<L: Lane> {
 }
 
 impl<L: Lane> Model<L> {
-    /// The programs for `robot` at a physics step of `dt` seconds.
-    pub fn new(robot: &Robot, dt: f64) -> Self {
+    /// The programs for `robot` on `ground` at a physics step of `dt` seconds.
+    pub fn new(ground: &Ground, robot: &Robot, dt: f64) -> Self {
         let floating = robot.base == Base::Floating;
         let root = if floating { ROOT } else { 0 };
         let tree = Tree::new(robot, root);
@@ -135,6 +138,7 @@ impl<L: Lane> Model<L> {
             .map(|(l, u)| (L::scalar(l), L::scalar(u)));
         Self {
             dt,
+            ground: ground.clone(),
             sweeps: SWEEPS,
             floating,
             root,

@@ -42,7 +42,7 @@ pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>,
         contact::sweep(model, group, work);
         joint::sweep(model, group, work);
     }
-    contact::store_forces(model, group);
+    contact::store_forces(model, group, work);
     joint::store_torques(model, group, work);
     factor::finish_solve(&model.rows, &work.mass_matrix, &work.inverse_diagonal, &mut work.change);
     integrate(model, group, &work.change);

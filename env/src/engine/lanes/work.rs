@@ -4,8 +4,10 @@ use super::count;
 use super::lane::Lane;
 use super::model::Model;
 use super::spatial::{Force, Inertia, Motion};
+use super::tilt::Tilt;
 use super::vector::{Mat3, Sym3, Vec3};
 use crate::clock::Clock;
+use crate::ground::Ground;
 
 /// A link's pose (position relative to the base link's origin) and motion.
 #[derive(Clone, Copy)]
@@ -60,6 +62,8 @@ pub struct BodyWork<L: Lane> {
     /// Twist at the reference point before the step.
     pub velocity: [L; 6],
     pub points: Vec<PointWork<L>>,
+    /// The points' axes; empty on the level plane.
+    pub tilts: Vec<Tilt<L>>,
 }
 
 /// A contact point during the sweeps.
@@ -133,6 +137,7 @@ impl<L: Lane> Work<L> {
             sliding: [o; 3],
             mixed: [Vec3::zero(); 2],
         };
+        let level = model.ground == Ground::Plane;
         let body = |body: &super::model::ContactBody<L>| BodyWork {
             active: false,
             columns: vec![[o; 6]; body.path.len()],
@@ -140,6 +145,7 @@ impl<L: Lane> Work<L> {
             turning: Sym3::zero(),
             velocity: [o; 6],
             points: vec![point; body.points.len()],
+            tilts: vec![Tilt::level(); if level { 0 } else { body.points.len() }],
         };
         Self {
             links: vec![link; model.links()],

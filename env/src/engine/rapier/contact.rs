@@ -29,7 +29,8 @@ use crate::engine::Friction;
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct GroundForce(pub Vector3<f64>);
 
-/// The ground's force on `toucher` in the last step.
+/// The ground's force on `toucher` in the last step. On a height field the sum over rapier's contact points was found 3 % above
+/// the weight of a robot at rest; on planes it is the weight.
 pub(super) fn ground_force(state: &State, toucher: &Toucher, dt: f64) -> GroundForce {
     let mut impulse = Vector::ZERO;
     for &collider in &toucher.colliders {
@@ -45,7 +46,15 @@ pub(super) fn ground_force(state: &State, toucher: &Toucher, dt: f64) -> GroundF
     GroundForce(convert::from_vector(impulse) / dt)
 }
 
-/// Rotation of a sticking link about the vertical away from where it came to rest, rad.
+/// How a link touches the ground.
+pub(super) struct Touch<'a> {
+    pub friction: &'a Friction,
+    pub force: &'a GroundForce,
+    /// The ground's normal there.
+    pub normal: Vector3<f64>,
+}
+
+/// Rotation of a sticking link about the ground's normal away from where it came to rest, rad.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Stick(f64);
 
@@ -56,25 +65,27 @@ const DAMPING: f64 = 0.5;
 
 impl Stick {
     /// Torque of torsional and rolling friction on a link that turns with `angular_velocity` and feels `inertia`, world axes,
-    /// N m.
+    /// N m. Spin about a ground's normal that is not vertical takes the vertical's inertia, rolling across it the horizontal one.
     pub(super) fn torque(
         &mut self,
         angular_velocity: &Vector3<f64>,
         inertia: &Turning,
-        friction: &Friction,
-        force: &GroundForce,
+        touch: &Touch,
         dt: f64,
     ) -> Vector3<f64> {
-        let normal_force = force.0.z.max(0.0);
+        let Touch {
+            friction,
+            force,
+            normal,
+        } = touch;
+        let normal_force = force.0.dot(normal).max(0.0);
         if normal_force == 0.0 {
             self.0 = 0.0;
             return Vector3::zeros();
         }
-        let (spin, roll) = (
-            angular_velocity.z,
-            Vector3::new(angular_velocity.x, angular_velocity.y, 0.0),
-        );
-        let mut torque = brake(&roll, inertia.horizontal, friction.rolling * normal_force, dt);
+        let spin = angular_velocity.dot(normal);
+        let roll = angular_velocity - normal * spin;
+        let rolling = brake(&roll, inertia.horizontal, friction.rolling * normal_force, dt);
         self.0 += spin * dt;
         let (stiffness, damping) = (
             STIFFNESS * inertia.vertical / (dt * dt),
@@ -84,13 +95,13 @@ impl Stick {
             -(stiffness * self.0 + damping * spin),
             friction.torsional * normal_force,
         );
-        torque.z = wanted.clamp(-limit, limit);
+        let torque = wanted.clamp(-limit, limit);
         if wanted.abs() > limit {
             // Where the spring would have to rest to give just this torque.
             let reach = limit / stiffness;
-            self.0 = (-(torque.z + damping * spin) / stiffness).clamp(-reach, reach);
+            self.0 = (-(torque + damping * spin) / stiffness).clamp(-reach, reach);
         }
-        torque
+        rolling + normal * torque
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Translation3, Vector3};
 use rapier3d_f64::prelude::*;
 
-use super::contact::{self, GroundForce, Stick};
+use super::contact::{self, GroundForce, Stick, Touch};
 use super::convert;
 use super::drive::{Applied, Command, Memory};
 use super::inertia::{self, Turning};
@@ -299,7 +299,13 @@ impl Lane {
             if toucher.link != 0 {
                 body.reset_torques(false);
             }
-            let torque = stick.torque(&angular_velocity, inertia, &self.friction, force, dt);
+            let place = body.position().translation;
+            let touch = Touch {
+                friction: &self.friction,
+                force,
+                normal: scene.surface.at(place.x, place.y).normal(),
+            };
+            let torque = stick.torque(&angular_velocity, inertia, &touch, dt);
             body.add_torque(convert::vector(&torque), false);
         }
     }

@@ -7,7 +7,7 @@
 //! - **Mimic joints** are joints of their own, tied by a velocity row with position feedback. Armature, drive and viscous
 //!   friction of the joint they follow are shared among them (a part `s` of a gain `k` acts on a follower with
 //!   multiplier m as `s k / m^2`), which leaves the energy and so the motion as it is.
-//! - **Contacts** are rigid, of each shape with the plane z = 0 only, with Coulomb friction in a circular cone at each contact
+//! - **Contacts** are rigid, of each shape with the ground only, with Coulomb friction in a circular cone at each contact
 //!   point. Torsional and rolling friction are torques on the touching link (`contact.rs`).
 //! - **Joint limits** act once passed: a joint that reaches one at speed v passes it by at most `v dt` and is put back in the next step.
 //! - A link without mass gets 1e-6 kg and 1e-8 kg m^2, because rapier stores inverses.
@@ -29,6 +29,7 @@ use self::drive::Command;
 use self::lane::Lane;
 use self::scene::Scene;
 use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
+use crate::ground::Ground;
 use crate::robot::{Kinematics, Robot};
 
 /// A batch of rapier worlds, stepped one after the other by the calling thread.
@@ -46,15 +47,23 @@ pub struct Rapier {
 }
 
 impl Rapier {
-    /// Worlds of `robot` stepped by `dt` seconds. Each has to be reset before it moves.
+    /// Worlds of `robot` on a level plane stepped by `dt` seconds. Each has to be reset before it moves.
     ///
     /// # Errors
     /// When `dt` is not a positive number or the robot has no joint that moves.
     pub fn new(robot: &Robot, dt: f64, worlds: usize) -> Result<Self, EngineError> {
+        Self::on(&Ground::Plane, robot, dt, worlds)
+    }
+
+    /// The same on any ground.
+    ///
+    /// # Errors
+    /// As [`Rapier::new`].
+    pub fn on(ground: &Ground, robot: &Robot, dt: f64, worlds: usize) -> Result<Self, EngineError> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(EngineError::TimeStep { dt });
         }
-        let scene = Scene::new(robot)?;
+        let scene = Scene::new(ground, robot)?;
         let zeros = || vec![0.0; scene.freedoms.len() * worlds];
         Ok(Self {
             lanes: (0..worlds).map(|_| Lane::new(&scene)).collect(),

@@ -4,11 +4,14 @@
 //! nothing of an episode reaches the next and equal starts replay bit for bit.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use rapier3d_f64::parry::shape::HeightFieldFlags;
+use rapier3d_f64::parry::utils::Array2;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::convert;
 use crate::engine::EngineError;
+use crate::ground::{CELLS, Ground};
 use crate::robot::{Base, Geometry, Inertial, Joint, JointKind, Link, Robot, Shape};
 
 /// Collision groups: robots collide with the ground and with nothing else.
@@ -85,6 +88,7 @@ pub(super) struct Scene {
     /// Bodies of the links.
     pub bodies: Vec<RigidBodyHandle>,
     pub ground: ColliderHandle,
+    pub surface: Ground,
     pub freedoms: Vec<Freedom>,
     pub touchers: Vec<Toucher>,
     /// For every foot its index in `touchers`; `None` for a foot without a collision shape.
@@ -99,7 +103,7 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    pub(super) fn new(robot: &Robot) -> Result<Self, EngineError> {
+    pub(super) fn new(surface: &Ground, robot: &Robot) -> Result<Self, EngineError> {
         if robot.joints.is_empty() {
             return Err(EngineError::NoJoints {
                 robot: robot.name.clone(),
@@ -107,10 +111,9 @@ impl Scene {
         }
         let floating = robot.base == Base::Floating;
         let mut state = State::empty();
-        let ground = state.colliders.insert(
-            ColliderBuilder::halfspace(nalgebra::Unit::new_unchecked(Vector::Z))
-                .collision_groups(groups(GROUND, ROBOT)),
-        );
+        let ground = state
+            .colliders
+            .insert(ground_collider(surface).collision_groups(groups(GROUND, ROBOT)));
         let bodies: Vec<_> = (0..robot.links.len())
             .map(|link| state.add_body(robot, link, floating))
             .collect();
@@ -137,6 +140,7 @@ impl Scene {
             multibody,
             bodies,
             ground,
+            surface: surface.clone(),
             freedoms,
             touchers,
             feet,
@@ -370,6 +374,33 @@ fn shape_pose(shape: &Shape) -> Isometry3<f64> {
     match shape.geometry {
         Geometry::Cylinder(..) | Geometry::Capsule(..) => shape.pose * upright,
         Geometry::Box(_) | Geometry::Sphere(_) => shape.pose,
+    }
+}
+
+fn ground_collider(ground: &Ground) -> ColliderBuilder {
+    match ground {
+        Ground::Plane => ColliderBuilder::halfspace(nalgebra::Unit::new_unchecked(Vector::Z)),
+        Ground::Slope(_) => {
+            let normal = convert::vector(&ground.at(0.0, 0.0).normal());
+            ColliderBuilder::halfspace(nalgebra::Unit::new_unchecked(normal))
+        }
+        Ground::Field(field) => {
+            // rapier's height field lies in its x and z with heights along y; turned about x its z axis is our -y.
+            let mut heights = Array2::repeat(CELLS + 1, CELLS + 1, 0.0);
+            for (at, &height) in field.heights.iter().enumerate() {
+                let (i, j) = (at / (CELLS + 1), at % (CELLS + 1));
+                heights[(CELLS - j, i)] = height;
+            }
+            let side = field.cell * CELLS as f64;
+            let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+            let pose = Isometry3::from_parts(Translation3::identity(), upright);
+            ColliderBuilder::heightfield_with_flags(
+                heights,
+                Vector::new(side, 1.0, side),
+                HeightFieldFlags::FIX_INTERNAL_EDGES,
+            )
+            .position(convert::pose(&pose))
+        }
     }
 }
 

@@ -1,11 +1,12 @@
 //! Ground contact against analytic results.
 
-use nalgebra::UnitQuaternion;
+use nalgebra::{Point3, UnitQuaternion};
 
 use super::robots;
 use super::*;
 use crate::engine::lanes::engine::Batch;
 use crate::engine::lanes::lane::{Lane, Single};
+use crate::ground::Ground;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -112,6 +113,44 @@ fn spinning_block_stops_after_the_angle_that_torsional_friction_gives() {
     }
 }
 
+/// A body whose only contact point is its centre of mass turns about it against rolling friction alone.
+#[test]
+fn rolling_body_stops_after_the_angle_that_rolling_friction_gives() {
+    let (mass, size) = (3.0, [0.3, 0.2, 0.1]);
+    let mut robot = robots::block(mass, size);
+    robot.links[0].contact_points = vec![Point3::origin()];
+    let (rate, mu) = (2.0, 0.03);
+    for level in levels() {
+        for (axis, moment) in [(Vector3::x(), (0, 0)), (Vector3::y(), (1, 1))] {
+            let inertia = robot.links[0].inertial.inertia[moment];
+            let expected = 0.5 * inertia * rate * rate / (mu * mass * GRAVITY);
+            for dt in [0.004, 0.002, 0.001] {
+                let begin = Start {
+                    // As deep as its weight presses the point: the normal force is there from the first step on.
+                    position: Vector3::z() * (-mass * GRAVITY / 1e5),
+                    angular_velocity: axis * rate,
+                    ..Start::nominal(&robot)
+                };
+                let world = World {
+                    friction: friction(0.5, 0.0, mu),
+                    ..world(&robot)
+                };
+                let mut engine = single(&robot, dt, level, &begin, &world);
+                for _ in 0..(1.0 / dt) as usize {
+                    engine.step(&Drive::idle(0, 1));
+                }
+                let angle = engine.base(0).orientation.scaled_axis().dot(&axis);
+                assert!(
+                    (angle - expected).abs() < rate * dt,
+                    "{} at {dt}: {angle} of {expected}",
+                    level.name()
+                );
+                assert!(engine.base(0).angular_velocity.norm() < 1e-3);
+            }
+        }
+    }
+}
+
 /// Angle by which a block on its edge has turned in `seconds`, with the centre of mass `offset` metres beside the edge.
 fn tipping(level: Simd, dt: f64, rolling: f64, offset: f64, seconds: f64) -> f64 {
     let (width, height) = (0.1, 0.3);
@@ -196,8 +235,8 @@ fn sweep_errors(dt: f64, sweeps: &[usize]) -> Vec<Vec<f64>> {
         friction: friction(0.6, 0.02, 0.02),
         ..world(&robot)
     };
-    let mut engine = Batch::<Single>::new(&robot, dt, 1);
-    let mut other = Batch::<Single>::new(&robot, dt, 1);
+    let mut engine = Batch::<Single>::new(&Ground::Plane, &robot, dt, 1);
+    let mut other = Batch::<Single>::new(&Ground::Plane, &robot, dt, 1);
     engine.reset(0, &begin, &own);
     let mut errors = vec![vec![]; sweeps.len()];
     let mut bytes = vec![];

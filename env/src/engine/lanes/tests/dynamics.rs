@@ -13,6 +13,7 @@ use crate::engine::lanes::engine::Batch;
 use crate::engine::lanes::lane::{Kernel, Single};
 use crate::engine::lanes::model::ContactBody;
 use crate::engine::lanes::{contact, dynamics, factor, kinematics};
+use crate::ground::Ground;
 use crate::robot::{Base, Robot};
 
 fn random_start(robot: &Robot, rng: &mut ChaCha8Rng) -> Start {
@@ -40,7 +41,7 @@ struct Terms {
 
 /// The terms of every lane of a group, each in its own state.
 fn terms<L: Kernel>(robot: &Robot, starts: &[Start], world: &World) -> Vec<Terms> {
-    let mut batch = Batch::<L>::new(robot, 0.001, L::WIDTH);
+    let mut batch = Batch::<L>::new(&Ground::Plane, robot, 0.001, L::WIDTH);
     for (lane, start) in starts.iter().enumerate() {
         batch.reset(lane, start, world);
     }
@@ -103,6 +104,9 @@ fn error(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
 fn published() -> Vec<Robot> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/nimbro_op2x");
     let shared = std::env::var_os("OMNIWALK_SHARED").map(|folder| Path::new(&folder).join("robots/urdf"));
+    if shared.is_none() {
+        println!("OMNIWALK_SHARED is not set: only robots of the project are tried");
+    }
     let files = [
         "igus_op/igus_op.urdf",
         "booster_t1/T1_locomotion.urdf",

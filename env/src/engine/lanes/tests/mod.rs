@@ -1,5 +1,6 @@
 mod contact;
 mod dynamics;
+mod ground;
 mod joint;
 mod lanes;
 mod reference;
