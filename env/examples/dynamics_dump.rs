@@ -5,17 +5,18 @@
 //! from [`Kinematics`], the acceleration from the engine as the change of velocity over one step of DT seconds: with
 //! explicit forces that is the acceleration at the beginning of the step, however long the step.
 
+mod support;
+
 use std::error::Error;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
-use omniwalk_env::engine::lanes::{Lanes, Simd};
-use omniwalk_env::engine::rapier::Rapier;
 use omniwalk_env::engine::{Drive, Engine, Friction, Start, World};
 use omniwalk_env::robot::{self, Base, Inertial, Kinematics, Robot};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use serde::Serialize;
+use support::make_engine;
 
 /// Gravity of every state, m/s^2: tilted, so that no axis is special.
 const GRAVITY: Vector3<f64> = Vector3::new(0.5, -0.3, -9.7);
@@ -102,16 +103,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     println!("{}", serde_json::to_string(&dump)?);
     Ok(())
-}
-
-/// `rapier`, or one of the lane types by its name.
-fn make_engine(name: &str, robot: &Robot, dt: f64) -> Result<Box<dyn Engine>, Box<dyn Error>> {
-    if name == "rapier" {
-        return Ok(Box::new(Rapier::new(robot, dt, 1)?));
-    }
-    let level = Simd::ALL.into_iter().find(|level| level.name() == name);
-    let level = level.ok_or_else(|| format!("no engine {name:?}; there are rapier and the lane types"))?;
-    Ok(Box::new(Lanes::new(robot, dt, 1, level)?))
 }
 
 /// A random state, its kinematics, and the acceleration the engine finds for it.
