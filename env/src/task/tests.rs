@@ -57,7 +57,7 @@ struct Stage {
 impl Stage {
     fn new(config: &EnvConfig) -> Self {
         let shared = Shared::new(nimbro(), config, 1).expect("a humanoid");
-        let mut engine = engine::build(&shared.robot, config, 1).expect("an engine");
+        let mut engine = engine::build(&shared.robot, &shared.ground, config, 1).expect("an engine");
         let mut actuators = Actuators::new(&shared.robot, config.physics_dt(), 1);
         let mut environment = Environment::new(&shared, 0).expect("a layout");
         let mut observation = vec![0.0; shared.spec.observation_len()];

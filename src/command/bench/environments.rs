@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use super::{engine, load, median};
 use crate::settings::Settings;
+use crate::terminal::say;
 
 /// Environments under random actions.
 struct Bench {
@@ -62,7 +63,7 @@ pub fn bench(settings: &Settings, seconds: u32, threads: usize) -> miette::Resul
         "engine_phases": physics_phases(&split, &operations, worlds, settings.env.substeps()),
         "peak_gflops_per_thread": peak / threads as f64,
     });
-    print(&result);
+    print(&result)?;
     Ok(result)
 }
 
@@ -132,9 +133,9 @@ fn physics_phases(rounds: &[Round], operations: &[Vec<u64>], worlds: usize, subs
     (0..rounds[0].engine_phases.len()).map(phase).collect()
 }
 
-fn print(result: &Value) {
+fn print(result: &Value) -> miette::Result<()> {
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
-    println!(
+    say(format_args!(
         "{:.0} policy steps/s ({} environments, {} at {} Hz)\n{:.0} a second of processor time, {:.0} in the engine alone; processors idle {:.1} %",
         number(&result["policy_steps_per_second"]),
         result["environments"],
@@ -143,31 +144,34 @@ fn print(result: &Value) {
         number(&result["policy_steps_per_processor_second"]),
         number(&result["engine_policy_steps_per_processor_second"]),
         100.0 * number(&result["idle_share"]),
-    );
+    ))?;
     let list = |key: &str| result[key].as_array().cloned().unwrap_or_default();
-    println!("us a policy step:");
+    say("us a policy step:")?;
     for phase in list("phases") {
-        println!(
+        say(format_args!(
             "  {:18} {:6.3}",
             phase["name"].as_str().unwrap_or_default(),
             number(&phase["us"])
-        );
+        ))?;
     }
     let phases = list("engine_phases");
     if phases.is_empty() {
-        return;
+        return Ok(());
     }
     let peak = number(&result["peak_gflops_per_thread"]);
-    println!("us a physics step, operations, GFLOP/s a thread (peak {peak:.0}):");
+    say(format_args!(
+        "us a physics step, operations, GFLOP/s a thread (peak {peak:.0}):"
+    ))?;
     for phase in phases {
-        println!(
+        say(format_args!(
             "  {:18} {:6.3} {:6.0} {:6.1}",
             phase["name"].as_str().unwrap_or_default(),
             number(&phase["us"]),
             number(&phase["operations"]),
             number(&phase["gflops_per_thread"])
-        );
+        ))?;
     }
+    Ok(())
 }
 
 /// Processor time of this process so far, s.
