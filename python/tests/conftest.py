@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from programs import ROOT, program
 
 
 @pytest.fixture(scope="session")
 def sample_run(tmp_path_factory) -> Path:
     """A small run folder with one of every file that other programs read (see examples/sample_run.rs)."""
     folder = tmp_path_factory.mktemp("sample") / "run"
-    command = ["cargo", "run", "--quiet", "--release", "--example", "sample_run", "--", str(folder)]
+    command = [*program("sample_run"), str(folder)]
     subprocess.run(command, cwd=ROOT, check=True)
     return folder
 
@@ -21,7 +21,6 @@ def sample_run(tmp_path_factory) -> Path:
 def trained_run(tmp_path_factory) -> Path:
     """A run that `omniwalk train` and `omniwalk eval` wrote; too short to have learned anything."""
     folder = tmp_path_factory.mktemp("trained") / "run"
-    program = ["cargo", "run", "--quiet", "--release", "--"]
     small = [
         *("--set", "train.environments=4"),
         *("--set", "train.steps_per_update=20"),
@@ -30,5 +29,5 @@ def trained_run(tmp_path_factory) -> Path:
     ]
     train = ["train", "--run", str(folder), "--steps", "160", "--engine", "lanes", "--quiet", *small]
     for command in (train, ["eval", str(folder), "--episodes", "1", "--seconds", "2"]):
-        subprocess.run([*program, *command], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([*program("omniwalk"), *command], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     return folder

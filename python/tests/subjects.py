@@ -13,8 +13,8 @@ import pytest
 
 from omniwalk_reference import mjcf
 from omniwalk_reference.robot import Robot, load
+from programs import ROOT, program
 
-ROOT = Path(__file__).parents[2]
 ROBOTS = ["robots/nimbro_op2x", "robots/pendulum", "python/tests/robots/awkward"]
 """Folders: a humanoid with couplings, a rig with a fixed base, and a collection of everything that is difficult."""
 
@@ -24,9 +24,8 @@ STATES = 64
 @cache
 def dump(robot: str, engine: str, dt: float) -> SimpleNamespace:
     """The output of the example `dynamics_dump` for a robot of the project: link properties and random states."""
-    command = ["cargo", "run", "--quiet", "--release", "-p", "omniwalk-env", "--example", "dynamics_dump", "--"]
     arguments = [robot, engine, "1", str(STATES), str(dt)]
-    result = subprocess.run(command + arguments, cwd=ROOT, capture_output=True, text=True)
+    result = subprocess.run(program("dynamics_dump") + arguments, cwd=ROOT, capture_output=True, text=True)
     if "no instructions" in result.stderr:
         pytest.skip(result.stderr.strip())
     assert result.returncode == 0, result.stderr

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import omniwalk
-from conftest import ROOT
 from omniwalk_reference import policy_file
 from omniwalk_reference.walker import Walker, act
+from programs import ROOT, program
 
 STEPS = 1000
 # What the project promises; single precision takes some 1e-6 of it.
@@ -33,10 +33,9 @@ VARIANTS = {
 def policies(tmp_path_factory) -> dict[str, Path]:
     """Policy files: one that walks, the same in int8, and hardly trained ones of other kinds."""
     folder = tmp_path_factory.mktemp("policies")
-    program = ["cargo", "run", "--quiet", "--release", "--"]
 
     def call(*arguments) -> None:
-        subprocess.run([*program, *map(str, arguments)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([*program("omniwalk"), *map(str, arguments)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
 
     files = {"trained": TRAINED, "int8": folder / "int8.omni"}
     call("export", TRAINED, "--format", "int8", "--out", files["int8"])

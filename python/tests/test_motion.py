@@ -16,7 +16,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from subjects import ROOT, subject
+from programs import ROOT, program
+from subjects import subject
 
 STEPS = (0.001, 0.0005, 0.00025)
 """s"""
@@ -29,9 +30,8 @@ AMPLITUDE = 0.15
 @cache
 def engine_motion(robot: str, engine: str, dt: float) -> dict:
     """The output of the example `motion_dump`."""
-    command = ["cargo", "run", "--quiet", "--release", "-p", "omniwalk-env", "--example", "motion_dump", "--"]
     result = subprocess.run(
-        [*command, robot, engine, str(dt), str(SECONDS)], cwd=ROOT, capture_output=True, text=True, check=False
+        [*program("motion_dump"), robot, engine, str(dt), str(SECONDS)], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert result.returncode == 0, result.stderr
     return json.loads(result.stdout)

@@ -9,7 +9,7 @@ import onnx
 import onnxruntime
 import pytest
 
-from conftest import ROOT
+from programs import ROOT, program
 
 ROWS = 1000
 # Two correct single-precision evaluations differ by some 1e-6; the bound is the one the project promises.
@@ -21,9 +21,8 @@ def exported(trained_run, tmp_path_factory) -> tuple[Path, Path]:
     """The policy of a run, as a policy file and as a model."""
     folder = tmp_path_factory.mktemp("exported")
     policy, model = folder / "policy.omni", folder / "policy.onnx"
-    program = ["cargo", "run", "--quiet", "--release", "--"]
     export = ["export", str(trained_run), "--out", str(policy), "--onnx", str(model)]
-    subprocess.run([*program, *export], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([*program("omniwalk"), *export], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     return policy, model
 
 
@@ -31,8 +30,7 @@ def controller(policy: Path, observations: np.ndarray, joints: int) -> np.ndarra
     """Actions of the Rust controller for each row."""
     given, found = policy.with_suffix(".observations"), policy.with_suffix(".actions")
     given.write_bytes(observations.astype("<f4").tobytes())
-    program = ["cargo", "run", "--quiet", "--release", "--example", "policy_actions", "--"]
-    subprocess.run([*program, str(policy), str(given), str(found)], cwd=ROOT, check=True)
+    subprocess.run([*program("policy_actions"), str(policy), str(given), str(found)], cwd=ROOT, check=True)
     return np.frombuffer(found.read_bytes(), "<f4").reshape(len(observations), joints)
 
 
