@@ -4,37 +4,59 @@
 //! #[global_allocator]
 //! static ALLOCATOR: omniwalk_allocations::Counting = omniwalk_allocations::Counting::new();
 //!
+//! # let test = || {
 //! let before = ALLOCATOR.count();
 //! let numbers = vec![1, 2, 3];
 //! assert!(ALLOCATOR.count() > before);
 //! # drop(numbers);
+//! # };
+//! # std::thread::spawn(test).join().unwrap();
 //! ```
 //!
-//! The count is of all threads, those of the test harness too: a test binary that uses it has a single test.
+//! The count is of all threads but the process's first. That one is the test harness's: it allocates while it keeps
+//! its books of a test that has begun. Tests run in threads of their own; a binary that counts has a single one.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The system's allocator with a count of the allocations so far.
 #[derive(Debug, Default)]
-pub struct Counting(AtomicUsize);
+pub struct Counting {
+    allocations: AtomicUsize,
+    /// The thread that allocated first, before any other was there; 0 until it has.
+    first_thread: AtomicUsize,
+}
 
 impl Counting {
     /// With a count of zero.
     pub const fn new() -> Self {
-        Self(AtomicUsize::new(0))
+        Self { allocations: AtomicUsize::new(0), first_thread: AtomicUsize::new(0) }
     }
 
     /// Allocations and growths so far.
     pub fn count(&self) -> usize {
-        self.0.load(Ordering::Relaxed)
+        self.allocations.load(Ordering::Relaxed)
     }
+
+    fn record(&self) {
+        let this = thread();
+        let first = self.first_thread.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed);
+        if first.is_err_and(|first| first != this) {
+            self.allocations.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// What tells this thread from the others that live: an address of its own. Asking allocates nothing.
+fn thread() -> usize {
+    thread_local!(static HERE: u8 = const { 0 });
+    HERE.with(|here| std::ptr::from_ref(here).addr())
 }
 
 // SAFETY: hands every call on to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        self.0.fetch_add(1, Ordering::Relaxed);
+        self.record();
         unsafe { System.alloc(layout) }
     }
 
