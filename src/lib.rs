@@ -7,6 +7,7 @@ pub mod deployed;
 pub mod eval;
 pub mod export;
 pub mod files;
+pub mod init;
 pub mod inspect;
 #[cfg(unix)]
 pub mod rehearse;

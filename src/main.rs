@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 #[cfg(unix)]
 use omniwalk::command::rehearse;
-use omniwalk::command::{bench, eval, excite, export, inspect, report, train};
+use omniwalk::command::{bench, eval, excite, export, init, inspect, report, train};
 use omniwalk::terminal::OutputError;
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
@@ -20,6 +20,7 @@ struct CommandLine {
 
 #[derive(Subcommand)]
 enum Command {
+    Init(init::Args),
     Train(train::Args),
     Eval(eval::Args),
     Export(export::Args),
@@ -33,6 +34,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match CommandLine::parse().command {
+        Command::Init(args) => init::run(&args),
         Command::Train(args) => train::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Export(args) => export::run(&args),

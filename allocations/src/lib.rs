@@ -30,7 +30,10 @@ pub struct Counting {
 impl Counting {
     /// With a count of zero.
     pub const fn new() -> Self {
-        Self { allocations: AtomicUsize::new(0), first_thread: AtomicUsize::new(0) }
+        Self {
+            allocations: AtomicUsize::new(0),
+            first_thread: AtomicUsize::new(0),
+        }
     }
 
     /// Allocations and growths so far.
@@ -40,7 +43,9 @@ impl Counting {
 
     fn record(&self) {
         let this = thread();
-        let first = self.first_thread.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed);
+        let first = self
+            .first_thread
+            .compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed);
         if first.is_err_and(|first| first != this) {
             self.allocations.fetch_add(1, Ordering::Relaxed);
         }

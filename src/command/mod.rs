@@ -4,6 +4,7 @@ pub mod bench;
 pub mod eval;
 pub mod excite;
 pub mod export;
+pub mod init;
 pub mod inspect;
 #[cfg(unix)]
 pub mod rehearse;

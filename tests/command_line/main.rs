@@ -5,6 +5,7 @@ mod bad_run;
 mod determinism;
 mod end_to_end;
 mod export;
+mod init;
 #[cfg(unix)]
 mod rehearse;
 mod run_folder;

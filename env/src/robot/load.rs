@@ -40,6 +40,18 @@ pub fn load(path: &Path) -> Result<Robot, RobotError> {
     Ok(robot)
 }
 
+/// Loads the robot of the file `urdf` with `toml` for its `robot.toml`.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(urdf: &Path, toml: &str) -> Result<Robot, RobotError> {
+    let source = Source {
+        file: "robot.toml".into(),
+        text: toml.into(),
+    };
+    build(&Urdf::new(Source::read(urdf)?)?, &Settings::new(&source)?, &source)
+}
+
 /// The files that [`load`] reads: the URDF and, if there is one, the TOML.
 ///
 /// # Errors
@@ -135,7 +147,13 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
             .push(format!("feet, guessed from the lowest shapes: {found}"));
     }
     for foot in &robot.feet {
-        robot.links[foot.link].contact_points.extend(foot.corners());
+        let link = &mut robot.links[foot.link];
+        link.contact_points.extend(foot.corners());
+        if link.shapes.is_empty() {
+            link.shapes.push(foot.slab());
+            let note = format!("foot `{}` has no collision shape: its sole is one", foot.name);
+            robot.notes.push(note);
+        }
     }
     set_base(&mut robot, settings.base.map(Base::from).or(given_base));
     feet::check(&robot, settings, source)?;

@@ -21,7 +21,7 @@ mod urdf_text;
 
 pub use describe::describe;
 pub use kinematics::Kinematics;
-pub use load::{files, load};
+pub use load::{files, load, load_with};
 pub(crate) use settings::matches;
 pub use source::{ContentError, RobotError, Source};
 
@@ -224,6 +224,15 @@ impl Foot {
     pub fn corners(&self) -> [Point3<f64>; 4] {
         let [x, y] = self.half_extents;
         [(x, y), (x, -y), (-x, y), (-x, -y)].map(|(x, y)| self.sole * Point3::new(x, y, 0.0))
+    }
+
+    /// The sole as a collision shape for a link that has none: a box of a centimetre above it, in the link frame.
+    fn slab(&self) -> Shape {
+        let half = Vector3::new(self.half_extents[0], self.half_extents[1], 0.005);
+        Shape {
+            geometry: Geometry::Box(half),
+            pose: self.sole * Isometry3::translation(0.0, 0.0, half.z),
+        }
     }
 }
 
