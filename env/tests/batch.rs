@@ -6,7 +6,8 @@ use omniwalk_env::Batch;
 use omniwalk_env::config::EngineKind;
 use omniwalk_env::random::Stream;
 use omniwalk_env::task::command::CommandRange;
-use omniwalk_env::task::episode::End;
+use omniwalk_env::task::episode::{End, Fault};
+use omniwalk_env::task::reward::Factors;
 use support::{config, robot};
 
 /// Random actions around the middle, so that the robot stays up for a while and then falls.
@@ -127,6 +128,50 @@ fn a_state_of_another_configuration_is_refused() {
     let lanes = batch(EngineKind::Lanes, 3).save();
     for bytes in [&batch(EngineKind::Rapier, 4).save()[..], &lanes, b"rubbish", &[]] {
         few.load(bytes).unwrap_err();
+    }
+}
+
+#[test]
+fn a_number_that_is_not_finite_loses_its_episode_and_is_traced_to_where_it_came_up() {
+    for engine in EngineKind::ALL {
+        let mut bad_reward = batch(engine, 3);
+        bad_reward.set_factors(Factors {
+            velocity: f64::NAN,
+            foot: 1.0,
+        });
+        let lost_to = |batch: &mut Batch| {
+            let actions = vec![0.5; 3 * batch.shared().spec.action_len()];
+            for _ in 0..3 {
+                batch.step(&actions);
+                assert_eq!(batch.ends(), [Some(End::Lost); 3]);
+                assert!(batch.terms().iter().all(|terms| terms.total() == 0.0));
+            }
+            batch
+                .take_episodes()
+                .for_each(|episode| assert!(episode.terms.total().is_finite()));
+            batch.faults().to_vec()
+        };
+        let term = Fault::Reward("velocity");
+        assert_eq!(lost_to(&mut bad_reward), [(0, term), (1, term), (2, term)]);
+        bad_reward.set_factors(Factors {
+            velocity: 1.0,
+            foot: 1.0,
+        });
+        bad_reward.step(&vec![0.5; 3 * bad_reward.shared().spec.action_len()]);
+        assert_eq!((bad_reward.ends(), bad_reward.faults()), (&[None; 3][..], &[][..]));
+        // A velocity sensor beyond single precision reads infinity.
+        let mut config = config(engine);
+        config.noise.enabled = true;
+        config.noise.velocity = 1e300;
+        let mut bad_sensor = Batch::new(robot("nimbro_op2x"), &config, 3, 7).unwrap();
+        let names: Vec<String> = lost_to(&mut bad_sensor)
+            .iter()
+            .map(|&(_, fault)| match fault {
+                Fault::Observation(entry) => bad_sensor.shared().spec.entry_name(entry).unwrap(),
+                fault => panic!("{fault:?}"),
+            })
+            .collect();
+        assert!(names.iter().all(|name| name.contains("joint_velocity")), "{names:?}");
     }
 }
 

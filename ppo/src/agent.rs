@@ -124,6 +124,12 @@ impl Agent {
         self.learning_rate
     }
 
+    /// Whether every parameter of both networks is finite.
+    pub fn is_finite(&self) -> bool {
+        let mut tiles = self.actor.tiles.iter().chain(&self.critic.tiles);
+        tiles.all(|tile| tile.parameters.iter().all(|x| x.is_finite()))
+    }
+
     /// Samples an action for each observation and judges it. Row `i` depends on its observation and `keys[i]` alone.
     ///
     /// `observations` is `rows x observation length`, not normalised; `actions` `rows x action length`: in (0, 1) for a
@@ -351,4 +357,18 @@ fn infer(
                 finish(index * ROWS + row, &|column| outputs.get(row, column), to);
             }
         });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::finite_differences::config;
+
+    #[test]
+    fn a_weight_that_is_no_number_is_seen() {
+        let mut agent = Agent::new(config(Head::Beta, Activation::Tanh), 4, 2, 1).unwrap();
+        assert!(agent.is_finite());
+        agent.critic.tiles[1].parameters[3] = f32::NAN;
+        assert!(!agent.is_finite());
+    }
 }

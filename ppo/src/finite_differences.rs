@@ -11,7 +11,7 @@ use crate::{
 const OBSERVATIONS: usize = 5;
 const ACTIONS: usize = 3;
 
-fn config(policy: Head, activation: Activation) -> Config {
+pub(crate) fn config(policy: Head, activation: Activation) -> Config {
     Config {
         hidden: vec![9, 7],
         activation,

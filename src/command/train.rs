@@ -7,6 +7,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_env::robot::Robot;
+use omniwalk_env::task::episode::End;
+use omniwalk_env::task::tracking::Tracking;
 
 use super::load;
 use crate::run::RunFolder;
@@ -17,10 +19,11 @@ use crate::run::sessions::{self, Origin, Session as Record, Sessions};
 use crate::settings::Settings;
 use crate::terminal::{OutputError, say};
 use crate::train::checkpoint;
+use crate::train::health;
 use crate::train::metrics::{self, Figure};
 use crate::train::progress::{Display, LogFormat};
 use crate::train::shape::{self, Shape};
-use crate::train::trainer::Trainer;
+use crate::train::trainer::{Report, Trainer};
 
 /// Trains a policy; writes a run folder.
 #[derive(clap::Args, Debug)]
@@ -211,16 +214,11 @@ impl Session {
         let mut written = Instant::now();
         while self.trainer.progress().steps < total && !stop.load(Ordering::Relaxed) {
             let report = self.trainer.update();
-            if report.lost == report.samples as u64 {
-                miette::bail!(
-                    help = "no step can be computed: look at masses, gains and armature with `omniwalk inspect ROBOT`, or raise engine.physics_hz",
-                    "every world went non-finite in every step of update {}",
-                    self.trainer.progress().update
-                );
-            }
             let figures = metrics::figures(&self.trainer, &report);
+            let symptom = health::symptom(&self.trainer, &report, &figures);
+            self.check(&report, symptom.as_deref())?;
             let noted = self.write(&figures);
-            let shown = display.update(self.trainer.progress().steps, &figures, &started, first_step);
+            let shown = display.update(self.trainer.progress().steps, &figures, symptom, &started, first_step);
             // What was learned is kept even if its figures cannot be.
             if noted.is_err() || shown.is_err() || written.elapsed() >= pause {
                 self.save()?;
@@ -232,6 +230,25 @@ impl Session {
         display.finish();
         let path = self.save()?;
         Ok(self.conclude(&path)?)
+    }
+
+    /// Ends a run that cannot go on, before anything of the update is kept.
+    fn check(&self, report: &Report, symptom: Option<&str>) -> miette::Result<()> {
+        let (update, kept) = (self.trainer.progress().update, "the last checkpoint is as it was");
+        if report.lost == report.samples as u64 {
+            miette::bail!(
+                help = "no step can be computed: look at masses, gains and armature with `omniwalk inspect ROBOT`, or raise engine.physics_hz",
+                "every world went non-finite in every step of update {update}; {kept}: {}",
+                symptom.unwrap_or_default()
+            );
+        }
+        if !self.trainer.agent().is_finite() {
+            miette::bail!(
+                help = "lower ppo.learning_rate and begin again, or look at reward.* and train.reward_scale for huge numbers",
+                "the networks' weights are not finite after update {update}; {kept}"
+            );
+        }
+        Ok(())
     }
 
     fn write(&mut self, figures: &[Figure]) -> miette::Result<()> {
@@ -266,8 +283,26 @@ impl Session {
             progress.seconds / 60.0,
             path.display()
         ))?;
+        say(learned(&self.trainer))?;
         advise(&self.folder, progress.steps >= self.settings.train.steps)
     }
+}
+
+/// Five figures of the newest episodes: how long, how many fell, how well they held the command, how they stepped.
+fn learned(trainer: &Trainer) -> String {
+    let window = &trainer.progress().window;
+    let tracking = |value: fn(&Tracking) -> f64| window.mean(|episode| episode.tracking.as_ref().map(value));
+    let fallen = window.share(End::Fallen) + window.share(End::Overlap);
+    let steps = window.mean(|episode| Some(f64::from(episode.steps)));
+    format!(
+        "newest episodes: {:.1} s long, {:.0} % fell, error {:.2} m/s and {:.2} rad/s, {:.0} % of touchdowns alternate",
+        steps * trainer.batch().shared().config.control_dt(),
+        100.0 * fallen,
+        tracking(|tracking| tracking.error_xy_mps),
+        tracking(|tracking| tracking.error_yaw_radps),
+        100.0 * window.mean(|episode| Some(episode.gait.alternation)),
+    )
+    .replace("NaN", "-")
 }
 
 /// Says what can be done with the run in `folder` next.

@@ -26,6 +26,8 @@ pub struct Display {
     format: LogFormat,
     quiet: bool,
     last: Option<Instant>,
+    /// Whether something was wrong with the last update.
+    ill: bool,
     total: u64,
 }
 
@@ -45,11 +47,12 @@ impl Display {
             format,
             quiet,
             last: None,
+            ill: false,
             total,
         }
     }
 
-    /// Shows the figures of the update that ended at `steps`; this process began at `started` with `first_step`.
+    /// Shows the figures of the update that ended at `steps`, and what is wrong with it, at once when it was not before; this process began at `started` with `first_step`.
     ///
     /// # Errors
     /// When standard output takes no more.
@@ -57,6 +60,7 @@ impl Display {
         &mut self,
         steps: u64,
         figures: &[Figure],
+        symptom: Option<String>,
         started: &Instant,
         first_step: u64,
     ) -> Result<(), OutputError> {
@@ -69,15 +73,18 @@ impl Display {
         };
         if let Some(bar) = &self.bar {
             bar.set_position(steps);
-            bar.set_message(line(&figure, self.left(steps, started, first_step)));
+            bar.set_message(line(&figure, self.left(steps, started, first_step), symptom.as_deref()));
         } else if self.format == LogFormat::Json && !self.quiet {
             let values = figures.iter().map(|(key, value)| ((*key).to_owned(), json!(value)));
-            let object: Map<String, Value> = [("steps".to_owned(), json!(steps))].into_iter().chain(values).collect();
+            let mut object: Map<String, Value> =
+                [("steps".to_owned(), json!(steps))].into_iter().chain(values).collect();
+            object.extend(symptom.clone().map(|symptom| ("warning".to_owned(), json!(symptom))));
             say(Value::Object(object))?;
-        } else if !self.quiet && self.last.is_none_or(|last| last.elapsed() >= INTERVAL) {
+        } else if !self.quiet && (self.is_due() || symptom.is_some() && !self.ill) {
             self.last = Some(Instant::now());
-            say(line(&figure, self.left(steps, started, first_step)))?;
+            say(line(&figure, self.left(steps, started, first_step), symptom.as_deref()))?;
         }
+        self.ill = symptom.is_some();
         Ok(())
     }
 
@@ -88,6 +95,10 @@ impl Display {
         }
     }
 
+    fn is_due(&self) -> bool {
+        self.last.is_none_or(|last| last.elapsed() >= INTERVAL)
+    }
+
     fn left(&self, steps: u64, started: &Instant, first_step: u64) -> Duration {
         let done = steps.saturating_sub(first_step).max(1) as f64;
         let rest = self.total.saturating_sub(steps) as f64;
@@ -95,7 +106,7 @@ impl Display {
     }
 }
 
-fn line(figure: &impl Fn(&str) -> f64, left: Duration) -> String {
+fn line(figure: &impl Fn(&str) -> f64, left: Duration, symptom: Option<&str>) -> String {
     let split = ["time/physics", "time/inference", "time/update"].map(figure);
     let total: f64 = split.iter().sum();
     let share = split.map(|x| (100.0 * x / total).round());
@@ -125,6 +136,7 @@ fn line(figure: &impl Fn(&str) -> f64, left: Duration) -> String {
         minutes(left),
     )
     .replace("NaN", "-")
+        + &symptom.map_or_else(String::new, |symptom| format!(" | WARNING: {symptom}"))
 }
 
 fn minutes(time: Duration) -> String {

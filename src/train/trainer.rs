@@ -7,7 +7,7 @@ use omniwalk_controller::Spec;
 use omniwalk_curriculum::{Curriculum, Performance};
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::command::CommandRange;
-use omniwalk_env::task::episode::End;
+use omniwalk_env::task::episode::{End, Fault};
 use omniwalk_env::task::reward::{Factors, Terms};
 use omniwalk_env::{Batch, EnvError};
 use omniwalk_ppo::{self as ppo, Agent, Mirror, Rollout, UpdateStats};
@@ -79,10 +79,21 @@ pub struct Report {
     pub terms: Terms,
     /// What the curriculum saw.
     pub performance: Performance,
-    /// Worlds that went non-finite.
+    /// Episodes that were lost to numbers that are not finite.
     pub lost: u64,
+    /// The first of them: the environment, and what was not finite.
+    pub fault: Option<(usize, Fault)>,
     /// Control steps it collected.
     pub samples: usize,
+}
+
+/// Sums over the steps of a rollout.
+#[derive(Default)]
+struct Collected {
+    terms: Terms,
+    lost: u64,
+    falls: u64,
+    fault: Option<(usize, Fault)>,
 }
 
 impl Trainer {
@@ -163,7 +174,12 @@ impl Trainer {
     fn iterate(&mut self) -> Report {
         let start = Instant::now();
         let mut split = Split::default();
-        let (terms, lost, falls) = self.collect(&mut split);
+        let Collected {
+            terms,
+            lost,
+            falls,
+            fault,
+        } = self.collect(&mut split);
         let learn = Instant::now();
         let key = mix(self.settings.train.seed ^ UPDATE_STREAM, self.progress.update);
         let learning = self.agent.update(&self.rollout, self.mirror.as_ref(), key);
@@ -182,15 +198,15 @@ impl Trainer {
             terms: self.per_second(&terms),
             performance,
             lost,
+            fault,
             samples: self.rollout.samples(),
         }
     }
 
-    /// Fills the rollout. Returns the sum of the reward terms, the worlds lost and the falls.
-    fn collect(&mut self, split: &mut Split) -> (Terms, u64, u64) {
+    /// Fills the rollout.
+    fn collect(&mut self, split: &mut Split) -> Collected {
         let n = self.batch.environments();
-        let mut sum = Terms::default();
-        let (mut lost, mut falls) = (0, 0);
+        let mut sum = Collected::default();
         for step in 0..self.rollout.steps {
             let clock = Instant::now();
             let row = step * n..(step + 1) * n;
@@ -209,10 +225,11 @@ impl Trainer {
             for (k, (terms, end)) in row.clone().zip(self.batch.terms().iter().zip(self.batch.ends())) {
                 self.rollout.rewards[k] = (scale * terms.total()) as f32;
                 self.rollout.ends[k] = learner_end(*end);
-                sum.add(terms);
-                lost += u64::from(*end == Some(End::Lost));
-                falls += u64::from(matches!(end, Some(End::Fallen | End::Overlap)));
+                sum.terms.add(terms);
+                sum.lost += u64::from(*end == Some(End::Lost));
+                sum.falls += u64::from(matches!(end, Some(End::Fallen | End::Overlap)));
             }
+            sum.fault = sum.fault.or(self.batch.faults().first().copied());
             self.bootstrap(step);
             self.progress.window.extend(self.batch.take_episodes());
         }
@@ -220,7 +237,7 @@ impl Trainer {
         self.agent
             .values(self.batch.observations(), &mut self.rollout.last_values);
         split.inference += clock.elapsed().as_secs_f64();
-        (sum, lost, falls)
+        sum
     }
 
     /// Draws the actions of a step and notes the values of its observations.

@@ -126,6 +126,33 @@ fn a_finished_run_is_extended_with_other_settings_of_the_machine() {
 }
 
 #[test]
+fn a_run_that_comes_apart_says_so_at_once() {
+    let folder = folder();
+    let wild = [
+        "--set",
+        "ppo.schedule={type=\"fixed\"}",
+        "--set",
+        "ppo.learning_rate=1.0",
+    ];
+    let train = |more: &[&str]| {
+        fs::remove_dir_all(folder.path().join("run")).ok();
+        succeeds(folder.path(), &[&START, &wild[..], more].concat()).out
+    };
+    let text = train(&[]);
+    assert!(
+        text.contains("WARNING: diverging: the policy changed by a KL of"),
+        "{text}"
+    );
+    let json = train(&["--log-format", "json"]);
+    assert!(json.contains("\"warning\":\"diverging"), "{json}");
+    assert!(
+        !succeeds(folder.path(), &[&START[..2], &["--run", "sound"]].concat())
+            .out
+            .contains("WARNING")
+    );
+}
+
+#[test]
 fn metrics_that_are_gone_are_missed() {
     let folder = folder();
     succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());

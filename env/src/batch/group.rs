@@ -8,7 +8,7 @@ use crate::clock::Clock;
 use crate::engine::{self, Engine, lanes};
 use crate::error::EnvError;
 use crate::task::environment::{Environment, Scratch};
-use crate::task::episode::{End, Episode, Outcome};
+use crate::task::episode::{End, Episode, Fault, Outcome};
 use crate::task::poses::Poses;
 use crate::task::reward::{Factors, Terms};
 use crate::task::shared::Shared;
@@ -20,6 +20,8 @@ pub struct Group {
     actuators: Actuators,
     pub environments: Vec<Environment>,
     pub episodes: Vec<Episode>,
+    /// Of the episodes that are lost: the environment, and what was not finite.
+    pub faults: Vec<(usize, Fault)>,
     scratch: Scratch,
     poses: Poses,
     /// The bases at the end of the step; `None` where the physics has gone non-finite.
@@ -63,6 +65,7 @@ impl Group {
                 .map(|w| Environment::new(shared, first + w))
                 .collect::<Result<_, _>>()?,
             episodes: Vec::with_capacity(worlds),
+            faults: Vec::with_capacity(worlds),
             scratch: Scratch::new(shared),
             poses: Poses::new(&shared.robot, worlds),
             truths: vec![None; worlds],
@@ -141,12 +144,20 @@ impl Group {
         let n = shared.spec.observation_len();
         for (w, (environment, truth)) in self.environments.iter_mut().zip(&self.truths).enumerate() {
             let engine = &mut *self.engine;
-            let lost = Outcome {
-                terms: Terms::default(),
-                end: Some(End::Lost),
-            };
-            let outcome = truth.as_ref().map_or(lost, |truth| {
-                environment.conclude_step(shared, engine, w, truth, factors, &self.poses)
+            let row = &rows.observations[w * n..(w + 1) * n];
+            let judged = sound(truth.as_ref(), row).and_then(|truth| {
+                let outcome = environment.conclude_step(shared, engine, w, truth, factors, &self.poses);
+                outcome
+                    .terms
+                    .not_finite()
+                    .map_or(Ok(outcome), |term| Err(Fault::Reward(term)))
+            });
+            let outcome = judged.unwrap_or_else(|fault| {
+                self.faults.push((environment.index(), fault));
+                Outcome {
+                    terms: Terms::default(),
+                    end: Some(End::Lost),
+                }
             });
             rows.terms[w] = outcome.terms;
             rows.ends[w] = outcome.end;
@@ -205,5 +216,14 @@ impl Group {
         self.environments = saved.environments;
         observations.copy_from_slice(&saved.observations);
         Ok(())
+    }
+}
+
+/// The base's state, if it and the observation are finite.
+fn sound<'a>(truth: Option<&'a Truth>, observation: &[f32]) -> Result<&'a Truth, Fault> {
+    let truth = truth.ok_or(Fault::Physics)?;
+    match observation.iter().position(|entry| !entry.is_finite()) {
+        Some(entry) => Err(Fault::Observation(entry)),
+        None => Ok(truth),
     }
 }

@@ -17,7 +17,7 @@ use crate::error::EnvError;
 use crate::robot::{Base, Robot};
 use crate::task::command::CommandRange;
 use crate::task::environment::Environment;
-use crate::task::episode::{End, Episode};
+use crate::task::episode::{End, Episode, Fault};
 use crate::task::reward::{Factors, Terms};
 use crate::task::shared::Shared;
 use group::{Group, PHASES, Rows, SavedGroup};
@@ -32,6 +32,7 @@ pub struct Batch {
     terms: Vec<Terms>,
     ends: Vec<Option<End>>,
     episodes: Vec<Episode>,
+    faults: Vec<(usize, Fault)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -75,6 +76,7 @@ impl Batch {
             terms: vec![Terms::default(); environments],
             ends: vec![None; environments],
             episodes: Vec::new(),
+            faults: Vec::new(),
         };
         batch.reset();
         Ok(batch)
@@ -113,6 +115,11 @@ impl Batch {
     /// The episodes that ended since the last call, in the order of steps and environments.
     pub fn take_episodes(&mut self) -> std::vec::Drain<'_, Episode> {
         self.episodes.drain(..)
+    }
+
+    /// Of the episodes that were lost in the last step: the environment, and what was not finite.
+    pub fn faults(&self) -> &[(usize, Fault)] {
+        &self.faults
     }
 
     /// Sets the curriculum's factors on the reward.
@@ -199,8 +206,10 @@ impl Batch {
                     group.step(shared, factors, actions, rows);
                 },
             );
+        self.faults.clear();
         for group in &mut self.groups {
             self.episodes.append(&mut group.episodes);
+            self.faults.append(&mut group.faults);
         }
     }
 

@@ -151,6 +151,11 @@ impl Environment {
         self.history.newest()
     }
 
+    /// Its index in the batch.
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
     /// The gait of the running episode.
     pub fn gait(&self) -> &GaitMeter {
         &self.gait
@@ -305,7 +310,9 @@ impl Environment {
         let alive = shared.stands(truth);
         let terms = self.judge(shared, engine, world, truth, alive, factors);
         self.measure_step(shared, engine, world, truth);
-        self.sums.terms.add(&terms);
+        if terms.not_finite().is_none() {
+            self.sums.terms.add(&terms);
+        }
         let overlap = || shared.config.task.end_on_overlap && shared.overlap.any(|link| poses.of(world, link));
         let end = if !alive {
             Some(End::Fallen)

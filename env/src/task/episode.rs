@@ -15,8 +15,19 @@ pub enum End {
     Overlap,
     /// The time was over; the robot had not fallen.
     TimeOut,
-    /// The physics went non-finite; nothing of the last step reaches the learner.
+    /// A number went non-finite, see [`Fault`]; nothing of the last step reaches the learner.
     Lost,
+}
+
+/// Where a number that is not finite came up first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// In the state of the engine.
+    Physics,
+    /// In this entry of the observation, see [`Spec::entry_name`](omniwalk_controller::Spec::entry_name).
+    Observation(usize),
+    /// In this term of the reward.
+    Reward(&'static str),
 }
 
 /// What one control step gave.

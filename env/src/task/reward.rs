@@ -39,6 +39,12 @@ impl Terms {
         ]
     }
 
+    /// Name of the first term that is not finite.
+    pub fn not_finite(&self) -> Option<&'static str> {
+        let at = self.array().iter().position(|term| !term.is_finite())?;
+        Some(TERM_NAMES[at])
+    }
+
     /// Adds a step's terms to a sum.
     pub fn add(&mut self, step: &Self) {
         self.velocity += step.velocity;

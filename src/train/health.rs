@@ -1,0 +1,109 @@
+//! Whether a run is going wrong: numbers that are not finite, and the three ways in which a learner comes apart.
+
+use omniwalk_env::task::episode::Fault;
+
+use super::metrics::Figure;
+use super::trainer::{Report, Trainer};
+
+/// Divergence of the policy in an update beyond which it has been torn from what it learned; 0.01 is usual.
+const KL: f64 = 0.2;
+/// Entropy of the action per joint, nats, below which nothing is tried any more: a deviation of 0.4 % of the range.
+/// A finished walk has -0.9.
+const ENTROPY: f64 = -4.0;
+/// Explained variance below which the critic is worse than a constant, after the updates in which it finds its scale.
+const EXPLAINED: f64 = -1.0;
+const SETTLED: f64 = 50.0;
+
+/// What is wrong with an update, in words, the gravest first; `None` if nothing is.
+pub fn symptom(trainer: &Trainer, report: &Report, figures: &[Figure]) -> Option<String> {
+    lost(trainer, report).or_else(|| {
+        let figure = |name: &str| {
+            figures
+                .iter()
+                .find(|(key, _)| *key == name)
+                .map_or(f64::NAN, |(_, value)| *value)
+        };
+        diverging(figure, trainer.spec().action_len())
+    })
+}
+
+/// What is wrong by the figures of an update of a policy of `joints` joints, as `metrics.csv` has them.
+pub fn diverging(figure: impl Fn(&str) -> f64, joints: usize) -> Option<String> {
+    let [skipped, kl, entropy, explained] =
+        ["ppo/skipped", "ppo/kl", "ppo/entropy", "ppo/explained_variance"].map(&figure);
+    if skipped > 0.0 {
+        Some(format!(
+            "{skipped} minibatches left out: a loss or gradient was not finite"
+        ))
+    } else if kl > KL {
+        Some(format!(
+            "diverging: the policy changed by a KL of {kl:.2} in one update; lower ppo.learning_rate"
+        ))
+    } else if entropy < ENTROPY * joints as f64 {
+        let each = entropy / joints as f64;
+        Some(format!(
+            "entropy collapsed to {each:.1} nats a joint: nothing is tried any more; raise ppo.entropy_weight"
+        ))
+    } else if explained < EXPLAINED && figure("update") > SETTLED {
+        Some(format!(
+            "diverging: the critic explains {explained:.1} of the returns' variance, less than a constant"
+        ))
+    } else {
+        None
+    }
+}
+
+fn lost(trainer: &Trainer, report: &Report) -> Option<String> {
+    let (environment, fault) = report.fault?;
+    let what = match fault {
+        Fault::Physics => "the physics".into(),
+        Fault::Observation(entry) => {
+            let name = trainer.spec().entry_name(entry).unwrap_or_default();
+            format!("the observation's {name}")
+        }
+        Fault::Reward(term) => format!("the reward's term {term}"),
+    };
+    Some(format!(
+        "{} episodes lost; the first in environment {environment}, where {what} was not finite",
+        report.lost
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::diverging;
+
+    fn found(changes: &[(&str, f64)]) -> Option<String> {
+        let sound = [
+            ("update", 100.0),
+            ("ppo/skipped", 0.0),
+            ("ppo/kl", 0.015),
+            ("ppo/entropy", -14.0),
+            ("ppo/explained_variance", 0.8),
+        ];
+        let figure = |name: &str| {
+            let known = changes.iter().chain(&sound).find(|(key, _)| *key == name);
+            known.map_or(f64::NAN, |(_, value)| *value)
+        };
+        diverging(figure, 16)
+    }
+
+    #[test]
+    fn a_run_that_learns_has_no_symptom() {
+        assert_eq!(found(&[]), None);
+        assert_eq!(found(&[("update", 1.0), ("ppo/explained_variance", -7.5)]), None);
+    }
+
+    #[test]
+    fn each_way_of_coming_apart_is_named() {
+        for (key, value, word) in [
+            ("ppo/skipped", 3.0, "3 minibatches"),
+            ("ppo/kl", 0.5, "KL of 0.50"),
+            ("ppo/entropy", -80.0, "-5.0 nats"),
+            ("ppo/explained_variance", -2.0, "critic"),
+        ] {
+            let symptom = found(&[(key, value)]).unwrap_or_default();
+            assert!(symptom.contains(word), "{symptom}");
+        }
+    }
+}
