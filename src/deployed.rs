@@ -28,7 +28,14 @@ impl Deployed {
     /// # Errors
     /// When the file is no policy, or the robot, as changed, not the one it was trained for.
     pub fn open(path: &Path, robot: Option<&Path>, changes: &[String]) -> miette::Result<Self> {
-        let policy = load::policy(path)?;
+        Self::new(load::policy(path)?, path, robot, changes)
+    }
+
+    /// [`Deployed::open`] for a policy that came from `path`.
+    ///
+    /// # Errors
+    /// Those of [`Deployed::open`].
+    pub fn new(policy: Policy, path: &Path, robot: Option<&Path>, changes: &[String]) -> miette::Result<Self> {
         let mut layers = layers(&policy)?;
         for change in changes {
             layers = layers.set(change)?;

@@ -14,5 +14,7 @@ pub mod rehearse;
 pub mod report;
 pub mod run;
 pub mod settings;
+pub mod telemetry;
 pub mod terminal;
 pub mod train;
+pub mod view;

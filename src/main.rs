@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 #[cfg(unix)]
 use omniwalk::command::rehearse;
-use omniwalk::command::{bench, eval, excite, export, init, inspect, report, train};
+use omniwalk::command::{bench, eval, excite, export, init, inspect, report, train, view};
 use omniwalk::terminal::OutputError;
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
@@ -30,6 +30,7 @@ enum Command {
     #[cfg(unix)]
     Rehearse(rehearse::Args),
     Report(report::Args),
+    View(view::Args),
 }
 
 fn main() -> ExitCode {
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         #[cfg(unix)]
         Command::Rehearse(args) => rehearse::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::View(args) => view::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

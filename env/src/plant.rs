@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use nalgebra::{UnitQuaternion, Vector3};
+
 use crate::actuators::Actuators;
 use crate::config::EnvConfig;
-use crate::engine::{self, BaseState, Engine};
+use crate::engine::{self, BaseState, Engine, JointState, Start, World};
 use crate::error::EnvError;
 use crate::random::Stream;
 use crate::robot::Robot;
@@ -19,6 +21,7 @@ pub struct Plant {
     actuators: Actuators,
     stream: Stream,
     reading: Reading,
+    world: World,
 }
 
 impl Plant {
@@ -39,6 +42,7 @@ impl Plant {
             engine,
             stream,
             shared,
+            world,
         })
     }
 
@@ -49,6 +53,69 @@ impl Plant {
             self.actuators
                 .set_target(joint.dof, 0, f64::from(target).clamp(lower, upper));
         }
+    }
+
+    /// The physical parameters now.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The physical parameters without randomisation.
+    pub fn nominal(&self) -> &World {
+        &self.shared.nominal
+    }
+
+    /// Changes the physical parameters under the robot, which goes on from the pose and the velocities it has; a push ends.
+    pub fn change_world(&mut self, world: World) {
+        let (base, joints) = (self.engine.base(0), self.engine.joints());
+        let start = Start {
+            position: base.position,
+            orientation: base.orientation,
+            linear_velocity: base.linear_velocity,
+            angular_velocity: base.angular_velocity,
+            joints: joints.position.clone(),
+            joint_velocities: joints.velocity.clone(),
+        };
+        self.engine.reset(0, &start, &world);
+        self.world = world;
+    }
+
+    /// Puts the robot on the ground at `place` (world frame, m) in its nominal pose, turned by `yaw`, rad.
+    pub fn stand(&mut self, place: [f64; 2], yaw: f64) {
+        let mut start = self.shared.nominal_start();
+        let ground = &self.shared.ground;
+        let rise = ground.height(place[0], place[1]) - ground.height(0.0, 0.0);
+        start.position += Vector3::new(place[0], place[1], rise);
+        start.orientation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * start.orientation;
+        self.engine.reset(0, &start, &self.world);
+        for (d, &position) in start.joints.iter().enumerate() {
+            self.actuators.start(d, 0, position, position);
+        }
+    }
+
+    /// Sets the force on the base link's origin, world frame, N; it acts until it is set again.
+    pub fn push(&mut self, force: Vector3<f64>) {
+        self.engine.push(0, force);
+    }
+
+    /// State of the degrees of freedom.
+    pub fn joints(&self) -> &JointState {
+        self.engine.joints()
+    }
+
+    /// Vertical ground force on every foot in the last physics step, N.
+    pub fn foot_loads(&self) -> &[f64] {
+        self.engine.foot_loads()
+    }
+
+    /// Target of degree of freedom `d`, rad or m.
+    pub fn target(&self, d: usize) -> f64 {
+        self.actuators.target(d, 0)
+    }
+
+    /// False once the simulation has left the physically possible.
+    pub fn is_finite(&self) -> bool {
+        self.engine.is_finite(0)
     }
 
     /// One physics step.

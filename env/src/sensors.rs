@@ -91,13 +91,18 @@ impl History {
     /// Starts an episode: every reading is `first`, the latency `delay` control steps.
     pub fn reset(&mut self, delay: f64, fill: impl FnOnce(&mut Reading)) {
         self.newest = 0;
-        self.delay = delay.min((self.readings.len() - 2) as f64);
+        self.set_delay(delay);
         let (first, rest) = self
             .readings
             .split_first_mut()
             .expect("a history holds at least two readings");
         fill(first);
         rest.iter_mut().for_each(|reading| reading.clone_from(first));
+    }
+
+    /// Sets the latency, control steps, as far as the history reaches.
+    pub fn set_delay(&mut self, delay: f64) {
+        self.delay = delay.min((self.readings.len() - 2) as f64);
     }
 
     /// Records a reading.

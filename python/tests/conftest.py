@@ -8,6 +8,10 @@ import pytest
 from programs import ROOT, program
 
 
+def pytest_addoption(parser):
+    parser.addoption("--pictures", metavar="DIR", help="keep the screenshots of the viewer in DIR")
+
+
 @pytest.fixture(scope="session")
 def sample_run(tmp_path_factory) -> Path:
     """A small run folder with one of every file that other programs read (see examples/sample_run.rs)."""

@@ -10,5 +10,6 @@ pub mod inspect;
 pub mod rehearse;
 pub mod report;
 pub mod train;
+pub mod view;
 
 pub mod load;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nalgebra::Vector3 as Vector;
 use omniwalk_env::Batch;
@@ -10,18 +11,17 @@ use omniwalk_env::robot::Robot;
 use omniwalk_env::task::reward::TERM_NAMES;
 use serde_json::{Map, json};
 
-use omniwalk_sim2real::log::messages::{
-    Header, Imu, JointState, Odometry, Point, PolicyStep, Pose, PoseWithCovariance, Quaternion, Twist,
-    TwistWithCovariance, Vector3,
-};
+use omniwalk_sim2real::log::messages::{Header, Imu, PolicyStep, Vector3};
 use omniwalk_sim2real::log::{LogError, LogWriter, Message};
+
+use crate::telemetry::{BASE, Telemetry, command, odometry, quaternion, vector, wide};
 
 /// Writes the first episode of one environment of a batch.
 pub struct Recorder {
     environment: usize,
     writer: LogWriter,
     path: PathBuf,
-    names: Vec<String>,
+    telemetry: Telemetry,
     time: u64,
     step: u64,
     velocity: Option<Vector<f64>>,
@@ -33,7 +33,7 @@ impl Recorder {
     ///
     /// # Errors
     /// [`LogError`] when the file cannot be written.
-    pub fn create(path: &Path, environment: usize, robot: &Robot, dt: f64) -> Result<Self, LogError> {
+    pub fn create(path: &Path, environment: usize, robot: &Arc<Robot>, dt: f64) -> Result<Self, LogError> {
         let mut writer = LogWriter::create(path)?;
         let about = [("robot", robot.name.clone()), ("control_dt", dt.to_string())];
         writer.metadata(
@@ -43,13 +43,13 @@ impl Recorder {
                 .into_iter()
                 .collect::<BTreeMap<_, _>>(),
         )?;
+        let telemetry = Telemetry::new(robot);
+        writer.write(0, &telemetry.description())?;
         Ok(Self {
             environment,
             writer,
             path: path.to_owned(),
-            names: (0..robot.policy.len())
-                .map(|i| robot.policy_joint(i).name.clone())
-                .collect(),
+            telemetry,
             time: 0,
             step: (dt * 1e9).round() as u64,
             velocity: None,
@@ -74,8 +74,8 @@ impl Recorder {
                 .collect::<Vec<_>>()
         };
         let (environment, ..) = batch.look(e);
-        let targets = environment.targets().iter().map(|&x| f64::from(x)).collect();
-        self.joints(targets, Vec::new(), Vec::new(), Message::JointCommands)?;
+        let targets = self.telemetry.targets(self.time, environment.targets());
+        self.writer.write(self.time, &targets)?;
         let reward: Map<_, _> = TERM_NAMES
             .iter()
             .zip(batch.terms()[e].array())
@@ -104,7 +104,6 @@ impl Recorder {
         let e = self.environment;
         let (environment, engine, world) = batch.look(e);
         let reading = environment.reading();
-        let wide = |values: &[f32]| values.iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
         let torque = &engine.joints().torque;
         let effort = batch
             .shared()
@@ -113,20 +112,11 @@ impl Recorder {
             .iter()
             .map(|&d| torque[d * engine.worlds() + world])
             .collect();
-        self.joints(
-            wide(&reading.position),
-            wide(&reading.velocity),
-            effort,
-            Message::JointStates,
-        )?;
+        let (position, velocity) = (wide(&reading.position), wide(&reading.velocity));
+        let joints = self.telemetry.joints(self.time, position, velocity, effort);
+        self.writer.write(self.time, &Message::JointStates(joints))?;
         let base = engine.base(world);
         let q = base.orientation;
-        let turned = Quaternion {
-            x: q.i,
-            y: q.j,
-            z: q.k,
-            w: q.w,
-        };
         let last = self
             .velocity
             .replace(base.linear_velocity)
@@ -134,44 +124,29 @@ impl Recorder {
         let acceleration = (base.linear_velocity - last) / (self.step as f64 * 1e-9) + Vector::z() * GRAVITY;
         let [x, y, z] = reading.gyro.map(f64::from);
         let imu = Imu {
-            header: Header::new(self.time, "base"),
-            orientation: turned.clone(),
+            header: Header::new(self.time, BASE),
+            orientation: quaternion(&q),
             angular_velocity: Vector3 { x, y, z },
             linear_acceleration: vector(q.inverse() * acceleration),
             ..Imu::default()
         };
         self.writer.write(self.time, &Message::Imu(imu))?;
-        let [x, y, z] = environment.desired();
-        let command = Twist {
-            linear: Vector3 { x, y, z: 0.0 },
-            angular: Vector3 { x: 0.0, y: 0.0, z },
-        };
-        self.writer.write(self.time, &Message::CmdVel(command))?;
-        let position = Point {
-            x: base.position.x,
-            y: base.position.y,
-            z: base.position.z,
-        };
-        let twist = Twist {
-            linear: vector(q.inverse() * base.linear_velocity),
-            angular: vector(q.inverse() * base.angular_velocity),
-        };
-        let odometry = Odometry {
-            header: Header::new(self.time, "odom"),
-            child_frame_id: "base".to_owned(),
-            pose: PoseWithCovariance {
-                pose: Pose {
-                    position,
-                    orientation: turned,
-                },
-                ..PoseWithCovariance::default()
-            },
-            twist: TwistWithCovariance {
-                twist,
-                ..TwistWithCovariance::default()
-            },
-        };
-        self.writer.write(self.time, &Message::Odom(Box::new(odometry)))
+        let count = engine.worlds();
+        let positions: Vec<f64> = engine
+            .joints()
+            .position
+            .iter()
+            .skip(world)
+            .step_by(count)
+            .copied()
+            .collect();
+        let rest = [
+            command(environment.desired()),
+            self.telemetry.transforms(self.time, &base, &positions),
+            odometry(self.time, &base),
+        ];
+        rest.iter()
+            .try_for_each(|message| self.writer.write(self.time, message))
     }
 
     /// Completes the file and returns its path.
@@ -182,26 +157,4 @@ impl Recorder {
         self.writer.finish()?;
         Ok(self.path)
     }
-
-    fn joints(
-        &mut self,
-        position: Vec<f64>,
-        velocity: Vec<f64>,
-        effort: Vec<f64>,
-        topic: fn(JointState) -> Message,
-    ) -> Result<(), LogError> {
-        let header = Header::new(self.time, "");
-        let message = JointState {
-            header,
-            name: self.names.clone(),
-            position,
-            velocity,
-            effort,
-        };
-        self.writer.write(self.time, &topic(message))
-    }
-}
-
-fn vector(v: Vector<f64>) -> Vector3 {
-    Vector3 { x: v.x, y: v.y, z: v.z }
 }

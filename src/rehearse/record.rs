@@ -1,89 +1,49 @@
 //! The log a robot would write: what it measured, what it was told, and when.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use omniwalk_env::engine::BaseState;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::sensors::Reading;
-use omniwalk_sim2real::log::messages::{Header, Imu, JointState, Quaternion, Twist, Vector3};
-use omniwalk_sim2real::log::{LogError, LogWriter, Message};
+use omniwalk_sim2real::log::{LogError, LogWriter};
+
+use crate::telemetry::Telemetry;
 
 /// Writes a log; times are ns since the start.
 pub struct Record {
     writer: LogWriter,
-    names: Vec<String>,
+    telemetry: Telemetry,
 }
 
 impl Record {
-    pub fn create(path: &Path, robot: &Robot) -> Result<Self, LogError> {
+    pub fn create(path: &Path, robot: &Arc<Robot>) -> Result<Self, LogError> {
         let mut writer = LogWriter::create(path)?;
         let about = [("robot".to_owned(), robot.name.clone())];
         writer.metadata("rehearsal", about.into_iter().collect())?;
-        let names = (0..robot.policy.len()).map(|i| robot.policy_joint(i).name.clone());
-        Ok(Self {
-            writer,
-            names: names.collect(),
-        })
+        let telemetry = Telemetry::new(robot);
+        Ok(Self { writer, telemetry })
     }
 
-    /// Readings, with the orientation an IMU would give (x, y, z, w).
+    /// Readings, with the orientation an IMU would give.
     pub fn reading(
         &mut self,
         time: u64,
         reading: &Reading,
         effort: Vec<f64>,
-        orientation: [f64; 4],
+        base: &BaseState,
         desired: [f32; 3],
     ) -> Result<(), LogError> {
-        let joints = JointState {
-            position: wide(&reading.position),
-            velocity: wide(&reading.velocity),
-            effort,
-            ..self.joints(time)
-        };
-        self.writer.write(time, &Message::JointStates(joints))?;
-        let [x, y, z, w] = orientation;
-        let imu = Imu {
-            header: Header::new(time, "base"),
-            orientation: Quaternion { x, y, z, w },
-            angular_velocity: vector(reading.gyro),
-            ..Imu::default()
-        };
-        self.writer.write(time, &Message::Imu(imu))?;
-        let [x, y, turn] = desired;
-        let twist = Twist {
-            linear: vector([x, y, 0.0]),
-            angular: vector([0.0, 0.0, turn]),
-        };
-        self.writer.write(time, &Message::CmdVel(twist))
+        let messages = self.telemetry.reading(time, reading, effort, base, desired);
+        messages.iter().try_for_each(|message| self.writer.write(time, message))
     }
 
     /// Targets as the servos took them.
     pub fn targets(&mut self, time: u64, targets: &[f32]) -> Result<(), LogError> {
-        let joints = JointState {
-            position: wide(targets),
-            ..self.joints(time)
-        };
-        self.writer.write(time, &Message::JointCommands(joints))
+        self.writer.write(time, &self.telemetry.targets(time, targets))
     }
 
     pub fn finish(self) -> Result<(), LogError> {
         self.writer.finish()
     }
-
-    fn joints(&self, time: u64) -> JointState {
-        JointState {
-            header: Header::new(time, ""),
-            name: self.names.clone(),
-            ..JointState::default()
-        }
-    }
-}
-
-fn wide(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&x| f64::from(x)).collect()
-}
-
-fn vector(values: [f32; 3]) -> Vector3 {
-    let [x, y, z] = values.map(f64::from);
-    Vector3 { x, y, z }
 }

@@ -165,15 +165,9 @@ impl Simulated {
         }
         self.truths.push((time, truth.velocity.into()));
         let latency = (self.plant.draw_latency() * 1e9) as u64;
-        let (torques, turned) = (self.plant.torques(), self.plant.base().orientation);
+        let (torques, base) = (self.plant.torques(), self.plant.base());
         let reading = self.plant.measure();
-        self.record.reading(
-            since,
-            reading,
-            torques,
-            [turned.i, turned.j, turned.k, turned.w],
-            self.desired,
-        )?;
+        self.record.reading(since, reading, torques, &base, self.desired)?;
         let measured = Measured {
             sequence: self.truths.len() as u64 - 1,
             time,

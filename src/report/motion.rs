@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use omniwalk_env::robot::{Kinematics, Robot};
+use omniwalk_env::robot::{Base, Kinematics, Robot};
 
 use super::ReportError;
-use omniwalk_sim2real::log::messages::{JointState, Odometry, Twist};
+use omniwalk_sim2real::log::messages::{self, Imu, JointState, Odometry, Twist};
 use omniwalk_sim2real::log::{LogReader, Message};
 
 /// A foot whose lowest sole corner is below this counts as on the ground, m.
@@ -33,6 +33,12 @@ pub struct Frame {
     pub base: Isometry3<f64>,
     /// Measured positions of the degrees of freedom, rad or m; nominal where the log has none.
     pub positions: Vec<f64>,
+    /// Measured velocities of the degrees of freedom, rad/s or m/s; not a number where the log has none.
+    pub velocities: Vec<f64>,
+    /// Measured efforts, N m or N; not a number where the log has none.
+    pub efforts: Vec<f64>,
+    /// Targets, rad or m; not a number before the first and where the log has none.
+    pub targets: Vec<f64>,
     /// Desired velocity: forward and left, m/s, turning, rad/s.
     pub command: [f64; 3],
     /// Velocity of the base along and across its heading, m/s, and of the heading, rad/s.
@@ -42,7 +48,8 @@ pub struct Frame {
 }
 
 impl Motion {
-    /// Reads the log at `path` of an episode of `robot`.
+    /// Reads the log at `path` of an episode of `robot`. Of a log without `/odom` there is a frame for each message of
+    /// `/joint_states`, with the base turned as the IMU says and the lowest sole on the ground.
     ///
     /// # Errors
     /// [`omniwalk_sim2real::log::LogError`] for a damaged log, [`ReportError::Rollout`] for one that holds too little or values that are no
@@ -53,11 +60,18 @@ impl Motion {
             why,
         };
         let mut pose = Pose::new(robot);
-        let mut frames = Vec::new();
+        let (mut frames, mut still) = (Vec::new(), Vec::new());
         for entry in LogReader::open(path)? {
             let entry = entry?;
             match &entry.message {
-                Some(Message::JointStates(joints)) => pose.joints(joints),
+                Some(Message::JointStates(joints)) => {
+                    pose.joints(joints);
+                    if frames.is_empty() && still.len() < MAX_FRAMES {
+                        still.extend(pose.still(entry.time));
+                    }
+                }
+                Some(Message::JointCommands(joints)) => pose.targets(joints),
+                Some(Message::Imu(imu)) => pose.imu(imu),
                 Some(Message::CmdVel(twist)) => pose.command(twist),
                 Some(Message::Odom(odometry)) => {
                     let frame = pose.frame(entry.time, odometry);
@@ -69,8 +83,16 @@ impl Motion {
                 break;
             }
         }
+        if frames.is_empty() {
+            frames = still;
+        }
         if frames.len() < 2 {
-            return Err(wrong("it holds no motion: fewer than two messages of /odom".to_owned()).into());
+            return Err(
+                wrong("it holds no motion: fewer than two messages of /odom or /joint_states".to_owned()).into(),
+            );
+        }
+        if !pose.known {
+            return Err(wrong(format!("none of its joints is one of robot {}", robot.name)).into());
         }
         let start = frames[0].time;
         frames.iter_mut().for_each(|frame| frame.time -= start);
@@ -137,7 +159,13 @@ struct Pose<'a> {
     robot: &'a Robot,
     kinematics: Kinematics,
     positions: Vec<f64>,
+    velocities: Vec<f64>,
+    efforts: Vec<f64>,
+    targets: Vec<f64>,
     command: [f64; 3],
+    orientation: UnitQuaternion<f64>,
+    /// Whether a joint of the robot was named.
+    known: bool,
 }
 
 impl<'a> Pose<'a> {
@@ -146,17 +174,61 @@ impl<'a> Pose<'a> {
             robot,
             kinematics: Kinematics::new(robot),
             positions: robot.nominal(),
+            velocities: vec![f64::NAN; robot.dofs.len()],
+            efforts: vec![f64::NAN; robot.dofs.len()],
+            targets: vec![f64::NAN; robot.dofs.len()],
             command: [0.0; 3],
+            orientation: robot.base_pose.rotation,
+            known: false,
         }
     }
 
+    fn dof(&self, name: &str) -> Option<usize> {
+        (0..self.positions.len()).find(|&d| self.robot.dof(d).name == *name)
+    }
+
     fn joints(&mut self, joints: &JointState) {
-        for (name, &position) in joints.name.iter().zip(&joints.position) {
-            let dof = (0..self.positions.len()).find(|&d| self.robot.dof(d).name == *name);
-            if let Some(dof) = dof {
-                self.positions[dof] = position;
+        for (i, name) in joints.name.iter().enumerate() {
+            let Some(dof) = self.dof(name) else { continue };
+            self.known = true;
+            let rows = [
+                (&mut self.positions, &joints.position),
+                (&mut self.velocities, &joints.velocity),
+                (&mut self.efforts, &joints.effort),
+            ];
+            for (own, values) in rows {
+                own[dof] = values.get(i).copied().unwrap_or(own[dof]);
             }
         }
+    }
+
+    fn targets(&mut self, joints: &JointState) {
+        for (name, &target) in joints.name.iter().zip(&joints.position) {
+            if let Some(dof) = self.dof(name) {
+                self.targets[dof] = target;
+            }
+        }
+    }
+
+    fn imu(&mut self, imu: &Imu) {
+        // -1 says that the unit gives no orientation.
+        if imu.orientation_covariance.0[0] >= 0.0 {
+            self.orientation = rotation(&imu.orientation).unwrap_or(self.orientation);
+        }
+    }
+
+    /// What joints and IMU say without odometry.
+    fn still(&mut self, nanoseconds: u64) -> Option<Frame> {
+        let mut base = self.robot.base_pose;
+        if self.robot.base == Base::Floating {
+            base.rotation = self.orientation;
+            self.kinematics.set_pose(self.robot, &base, &self.positions);
+            let lowest = (0..self.robot.feet.len())
+                .map(|foot| self.sole(foot))
+                .fold(f64::INFINITY, f64::min);
+            base.translation.z -= if lowest.is_finite() { lowest } else { 0.0 };
+        }
+        self.at(nanoseconds, base, [0.0; 3])
     }
 
     fn command(&mut self, twist: &Twist) {
@@ -165,26 +237,33 @@ impl<'a> Pose<'a> {
 
     fn frame(&mut self, nanoseconds: u64, odometry: &Odometry) -> Option<Frame> {
         let (pose, twist) = (&odometry.pose.pose, &odometry.twist.twist);
-        let q = &pose.orientation;
-        let orientation = UnitQuaternion::try_new(Quaternion::new(q.w, q.x, q.y, q.z), 1e-6)?;
+        let orientation = rotation(&pose.orientation)?;
         let base = Isometry3::from_parts(
             Translation3::new(pose.position.x, pose.position.y, pose.position.z),
             orientation,
         );
-        self.kinematics.set_pose(self.robot, &base, &self.positions);
-        let world = |v: &omniwalk_sim2real::log::messages::Vector3| orientation * Vector3::new(v.x, v.y, v.z);
+        let world = |v: &messages::Vector3| orientation * Vector3::new(v.x, v.y, v.z);
         let (linear, angular) = (world(&twist.linear), world(&twist.angular));
         let forward = heading(&base);
+        let velocity = [
+            linear.dot(&forward),
+            linear.dot(&Vector3::z().cross(&forward)),
+            angular.z,
+        ];
+        self.at(nanoseconds, base, velocity)
+    }
+
+    fn at(&mut self, nanoseconds: u64, base: Isometry3<f64>, velocity: [f64; 3]) -> Option<Frame> {
+        self.kinematics.set_pose(self.robot, &base, &self.positions);
         let frame = Frame {
             time: nanoseconds as f64 * 1e-9,
             base,
             positions: self.positions.clone(),
+            velocities: self.velocities.clone(),
+            efforts: self.efforts.clone(),
+            targets: self.targets.clone(),
             command: self.command,
-            velocity: [
-                linear.dot(&forward),
-                linear.dot(&Vector3::z().cross(&forward)),
-                angular.z,
-            ],
+            velocity,
             soles: (0..self.robot.feet.len()).map(|foot| self.sole(foot)).collect(),
         };
         frame.is_finite().then_some(frame)
@@ -199,6 +278,10 @@ impl<'a> Pose<'a> {
             .map(|corner| (pose * corner).z)
             .fold(f64::INFINITY, f64::min)
     }
+}
+
+fn rotation(q: &messages::Quaternion) -> Option<UnitQuaternion<f64>> {
+    UnitQuaternion::try_new(Quaternion::new(q.w, q.x, q.y, q.z), 1e-6)
 }
 
 impl Frame {

@@ -130,6 +130,7 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         feet,
         mirror,
         overlap_pairs,
+        urdf: urdf.text().to_owned(),
         effects: Vec::new(),
         notes,
     };

@@ -64,6 +64,8 @@ pub struct Robot {
     pub mirror: Option<Vec<MirroredJoint>>,
     /// Pairs of links whose geometric overlap ends an episode as `leg_overlap` (soles, shanks): indices into `links`.
     pub overlap_pairs: Vec<(usize, usize)>,
+    /// Text of the URDF.
+    pub urdf: String,
     /// What it does beyond the nominal model. Effects on bodies are in `links` already.
     pub effects: Vec<Effect>,
     /// What loading had to assume: missing meshes, links without collision shape, defaults that were used.
@@ -81,6 +83,8 @@ pub struct Link {
     pub inertial: Inertial,
     /// Primitive collision shapes, posed in the link frame. Engines collide them with the ground only.
     pub shapes: Vec<Shape>,
+    /// Primitives that show the link, posed in the link frame: for pictures only.
+    pub visuals: Vec<Shape>,
     /// Points that collide with the ground in engines that use points (sole corners, and what the TOML names),
     /// in the link frame, m.
     pub contact_points: Vec<Point3<f64>>,

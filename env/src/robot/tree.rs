@@ -76,13 +76,13 @@ impl Tree {
 
     fn push_link(&mut self, urdf: &Urdf, link: usize, parent: Option<usize>) -> Result<(), RobotError> {
         let name = urdf.robot.links[link].name.clone();
-        let (shapes, contact_points) = (Vec::new(), Vec::new());
         self.links.push(Link {
             name,
             parent,
             inertial: Inertial::MASSLESS,
-            shapes,
-            contact_points,
+            shapes: Vec::new(),
+            visuals: Vec::new(),
+            contact_points: Vec::new(),
         });
         self.absorb(urdf, link, self.links.len() - 1, Isometry3::identity())
     }
@@ -107,6 +107,12 @@ impl Tree {
             .transformed(&pose);
         let target = &mut self.links[into];
         target.inertial = target.inertial.combined(&inertial);
+        let shown = |visual: &urdf_rs::Visual| {
+            let geometry = geometry(&visual.geometry).filter(is_solid)?;
+            let pose = pose * isometry(&visual.origin);
+            Some(Shape { geometry, pose })
+        };
+        target.visuals.extend(source.visual.iter().filter_map(shown));
         for collision in &source.collision {
             let Some(geometry) = geometry(&collision.geometry) else {
                 continue;

@@ -66,6 +66,11 @@ impl Urdf {
         Ok(urdf)
     }
 
+    /// The file's text.
+    pub fn text(&self) -> &str {
+        &self.source.text
+    }
+
     /// Index of a joint by name.
     pub fn joint(&self, name: &str) -> Option<usize> {
         self.index.get(name).copied()

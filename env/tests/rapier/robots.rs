@@ -16,6 +16,7 @@ pub fn link(name: &str, parent: Option<usize>, mass: f64, com: Vector3<f64>, ine
             inertia: Matrix3::from_diagonal(&inertia),
         },
         shapes: Vec::new(),
+        visuals: Vec::new(),
         contact_points: Vec::new(),
     }
 }
@@ -50,6 +51,7 @@ pub fn robot(base: Base, links: Vec<Link>, joints: Vec<Joint>) -> Robot {
         feet: Vec::new(),
         mirror: None,
         overlap_pairs: Vec::new(),
+        urdf: String::new(),
         effects: Vec::new(),
         notes: Vec::new(),
     }

@@ -181,6 +181,32 @@ messages! {
         /// Its serial number.
         serial_number: String,
     }
+    /// A motion from one frame to another.
+    "geometry_msgs/Transform" Transform {
+        /// Translation, m.
+        translation: Vector3,
+        /// Rotation.
+        rotation: Quaternion,
+    }
+    /// Pose of the frame `child_frame_id` in the header's frame.
+    "geometry_msgs/TransformStamped" TransformStamped {
+        /// When, and the parent frame.
+        header: Header,
+        /// The child frame.
+        child_frame_id: String,
+        /// The child's pose.
+        transform: Transform,
+    }
+    /// Poses of frames.
+    "tf2_msgs/TFMessage" Transforms {
+        /// One a frame.
+        transforms: Vec<TransformStamped>,
+    }
+    /// A text.
+    "std_msgs/String" Text {
+        /// The text.
+        data: String,
+    }
     /// One truth value.
     "std_msgs/Bool" Bool {
         /// The value.

@@ -10,6 +10,8 @@
 //! | `/battery` | `sensor_msgs/msg/BatteryState` | supply voltage |
 //! | `/actuator_enabled` | `sensor_msgs/msg/JointState` or `std_msgs/msg/Bool` | whether motors are on: position 0 or 1 per joint, or one value for all |
 //! | `/policy` | JSON | observation, action, reward terms |
+//! | `/tf` | `tf2_msgs/msg/TFMessage` | poses of the links; written for other programs, not read |
+//! | `/robot_description` | `std_msgs/msg/String` | the URDF; written for other programs, not read |
 //!
 //! Messages are written in CDR with `ros2msg` schemas under the profile `ros2`; JSON with the same field names is
 //! read as well.
@@ -17,6 +19,7 @@
 mod cdr;
 pub mod messages;
 mod reader;
+mod wire;
 mod writer;
 
 use std::path::PathBuf;
@@ -24,10 +27,11 @@ use std::path::PathBuf;
 use miette::Diagnostic;
 use thiserror::Error;
 
-use messages::{BatteryState, Imu, JointState, Odometry, PolicyStep, Twist};
+use messages::{BatteryState, Imu, JointState, Odometry, PolicyStep, Text, Transforms, Twist};
 
 pub use cdr::{Decoder, Encoder, Field};
 pub use reader::{Entry, LogReader};
+pub use wire::Schema;
 pub use writer::LogWriter;
 
 /// Why a log cannot be written or read.
@@ -82,6 +86,10 @@ pub enum Message {
     Enabled(JointState),
     /// `/policy`
     Policy(PolicyStep),
+    /// `/tf`
+    Transforms(Transforms),
+    /// `/robot_description`
+    Description(Text),
 }
 
 impl Message {
@@ -96,6 +104,8 @@ impl Message {
             Message::Battery(_) => "/battery",
             Message::Enabled(_) => "/actuator_enabled",
             Message::Policy(_) => "/policy",
+            Message::Transforms(_) => "/tf",
+            Message::Description(_) => "/robot_description",
         }
     }
 
@@ -108,7 +118,7 @@ impl Message {
             Message::Imu(message) => &message.header,
             Message::Odom(message) => &message.header,
             Message::Battery(message) => &message.header,
-            Message::CmdVel(_) | Message::Policy(_) => return None,
+            Message::CmdVel(_) | Message::Policy(_) | Message::Transforms(_) | Message::Description(_) => return None,
         };
         Some(header.stamp.nanoseconds()).filter(|stamp| *stamp > 0)
     }

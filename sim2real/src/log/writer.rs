@@ -5,12 +5,9 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use super::{LogError, Message};
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions, Writer};
-use serde_json::json;
-
-use super::cdr::{self, Field};
-use super::{LogError, Message};
 
 /// Writes a log message by message.
 pub struct LogWriter {
@@ -76,16 +73,7 @@ impl LogWriter {
     }
 
     fn append(&mut self, time: u64, message: &Message) -> Result<(), McapError> {
-        let data = match message {
-            Message::JointStates(message) | Message::JointCommands(message) | Message::Enabled(message) => {
-                cdr::encode(message)
-            }
-            Message::Battery(message) => cdr::encode(message.as_ref()),
-            Message::Imu(message) => cdr::encode(message),
-            Message::CmdVel(message) => cdr::encode(message),
-            Message::Odom(message) => cdr::encode(message.as_ref()),
-            Message::Policy(step) => serde_json::to_vec(step).map_err(std::io::Error::from)?,
-        };
+        let data = message.bytes().map_err(std::io::Error::from)?;
         if !self.channels.contains_key(message.topic()) {
             let id = self.add_channel(message)?;
             self.channels.insert(message.topic(), Channel { id, sequence: 0 });
@@ -105,19 +93,12 @@ impl LogWriter {
     }
 
     fn add_channel(&mut self, message: &Message) -> Result<u16, McapError> {
-        let (name, encoding, schema, message_encoding) = match message {
-            Message::JointStates(message) | Message::JointCommands(message) | Message::Enabled(message) => {
-                ros_schema(message)
-            }
-            Message::Battery(message) => ros_schema(message.as_ref()),
-            Message::Imu(message) => ros_schema(message),
-            Message::CmdVel(message) => ros_schema(message),
-            Message::Odom(message) => ros_schema(message.as_ref()),
-            Message::Policy(_) => ("omniwalk.PolicyStep".to_owned(), "jsonschema", policy_schema(), "json"),
-        };
-        let schema = self.writer.add_schema(&name, encoding, schema.as_bytes())?;
+        let schema = message.schema();
+        let id = self
+            .writer
+            .add_schema(&schema.name, schema.encoding, schema.text.as_bytes())?;
         self.writer
-            .add_channel(schema, message.topic(), message_encoding, &BTreeMap::new())
+            .add_channel(id, message.topic(), schema.message_encoding, &BTreeMap::new())
     }
 
     fn error(&self, error: McapError) -> LogError {
@@ -126,30 +107,6 @@ impl LogWriter {
             source: into_io(error),
         }
     }
-}
-
-/// Name, encoding and text of the schema, and encoding of the messages.
-fn ros_schema<T: Field>(_: &T) -> (String, &'static str, String, &'static str) {
-    (
-        T::type_name().replace('/', "/msg/"),
-        "ros2msg",
-        cdr::schema::<T>(),
-        "cdr",
-    )
-}
-
-fn policy_schema() -> String {
-    let numbers = json!({ "type": "array", "items": { "type": "number" } });
-    json!({
-        "title": "omniwalk.PolicyStep",
-        "type": "object",
-        "properties": {
-            "observation": numbers,
-            "action": numbers,
-            "reward": { "type": "object", "additionalProperties": { "type": "number" } },
-        },
-    })
-    .to_string()
 }
 
 fn into_io(error: McapError) -> std::io::Error {

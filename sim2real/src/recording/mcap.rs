@@ -123,7 +123,7 @@ impl Gathered {
                 self.velocity.0.push(log, None);
                 self.velocity.1.push([twist.linear.x, twist.linear.y, twist.angular.z]);
             }
-            Message::Policy(_) => {}
+            Message::Policy(_) | Message::Transforms(_) | Message::Description(_) => {}
         }
         Ok(())
     }

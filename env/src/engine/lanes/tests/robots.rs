@@ -18,6 +18,7 @@ pub fn link(parent: Option<usize>, mass: f64, com: [f64; 3], size: [f64; 3]) -> 
             inertia,
         },
         shapes: vec![],
+        visuals: vec![],
         contact_points: vec![],
     }
 }
@@ -50,6 +51,7 @@ pub fn robot(base: Base, links: Vec<Link>, joints: Vec<Joint>) -> Robot {
         feet: vec![],
         mirror: None,
         overlap_pairs: vec![],
+        urdf: String::new(),
         effects: Vec::new(),
         notes: vec![],
     }
