@@ -1,7 +1,9 @@
 """The robots of the project in MuJoCo, and what the Rust side says of them."""
 
 import json
+import os
 import subprocess
+import tempfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,7 +20,10 @@ from programs import ROOT, program
 ROBOTS = ["robots/nimbro_op2x", "robots/pendulum", "python/tests/robots/awkward"]
 """Folders: a humanoid with couplings, a rig with a fixed base, and a collection of everything that is difficult."""
 
-STATES = 64
+STATES = 500
+
+PUBLISHED = ["igus_op/igus_op.urdf", "booster_t1/T1_locomotion.urdf", "unitree_g1/g1_12dof.urdf"]
+"""Robots as their makers publish them, in the folder `robots/urdf` of what `OMNIWALK_SHARED` points to."""
 
 
 @cache
@@ -30,6 +35,18 @@ def dump(robot: str, engine: str, dt: float) -> SimpleNamespace:
         pytest.skip(result.stderr.strip())
     assert result.returncode == 0, result.stderr
     return json.loads(result.stdout, object_hook=lambda entries: SimpleNamespace(**entries))
+
+
+@cache
+def published(urdf: str) -> str:
+    """A folder with the published robot and a TOML that lets it float, which a URDF cannot say; skips where it is not at hand."""
+    if "OMNIWALK_SHARED" not in os.environ:
+        pytest.skip("OMNIWALK_SHARED is not set: no published robots")
+    source = Path(os.environ["OMNIWALK_SHARED"]) / "robots/urdf" / urdf
+    folder = Path(tempfile.mkdtemp(prefix="published-"))
+    (folder / source.name).write_text(source.read_text())
+    (folder / "robot.toml").write_text('base = "floating"\n')
+    return str(folder)
 
 
 @dataclass

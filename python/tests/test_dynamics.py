@@ -3,7 +3,7 @@
 With `qvel = G v` for the mimic couplings, the engines must satisfy `G'MG a + G'c = f` with MuJoCo's mass matrix M
 (armature included) and bias force c, for the generalised force f of joint torques and a push at the base. Every
 component of the residual is compared with the sum of the magnitudes of its terms. As torque, push, velocities and
-pose of the 64 states are random, wrong entries of M or c cannot cancel.
+pose of the 500 states are random, wrong entries of M or c cannot cancel.
 """
 
 import re
@@ -13,7 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from subjects import ROBOTS, ROOT, Subject, dump, subject
+from subjects import PUBLISHED, ROBOTS, ROOT, Subject, dump, published, subject
 
 ALL = pytest.mark.parametrize("robot", [subject(folder) for folder in ROBOTS], ids=ROBOTS)
 
@@ -62,6 +62,13 @@ def test_lanes_in_f64_obey_mujocos_equation_of_motion(robot: Subject) -> None:
 @ALL
 def test_lanes_in_f32_obey_mujocos_equation_of_motion(robot: Subject) -> None:
     # A velocity of some rad/s is known to 3e-7, so its change over 5 ms to 6e-5 of an acceleration of one.
+    assert residuals(robot, accelerations(robot, "f32x8", 0.005)).max() < 1e-4
+
+
+@pytest.mark.parametrize("urdf", PUBLISHED)
+def test_lanes_obey_mujocos_equation_of_motion_for_published_robots(urdf: str) -> None:
+    robot = subject(published(urdf))
+    assert residuals(robot, accelerations(robot, "scalar", 0.001)).max() < 1e-10
     assert residuals(robot, accelerations(robot, "f32x8", 0.005)).max() < 1e-4
 
 

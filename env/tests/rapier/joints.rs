@@ -7,6 +7,7 @@ use omniwalk_env::engine::rapier::Rapier;
 use omniwalk_env::engine::{Drive, Engine, Start};
 use omniwalk_env::robot::{JointKind, Robot};
 
+use crate::order::first_order;
 use crate::robots::*;
 
 /// Mean period of degree of freedom 0 over `periods` upward zero crossings.
@@ -109,7 +110,8 @@ fn coupling_holds_and_adds_the_followers_inertia() {
     }
 }
 
-/// A joint that arrives with speed v passes its limit by at most v dt; then it rests there against the torque.
+/// A joint that arrives with speed v passes its limit by at most v dt; then it rests there against the torque, but for what that
+/// moves the joint in a step before the limit answers.
 #[test]
 fn joint_limits_hold_against_torque() {
     for dt in [1e-3, 5e-3] {
@@ -117,7 +119,8 @@ fn joint_limits_hold_against_torque() {
         robot.joints[0].limits = (-0.4, 0.5);
         let mut engine = single(&robot, dt, &Start::nominal(&robot), &nominal(&robot));
         let mut drive = servo(&robot, 1, 0.0, 0.0);
-        drive.feed_forward[0] = 20.0;
+        let torque = 20.0;
+        drive.feed_forward[0] = torque;
         let (mut highest, mut fastest) = (0.0f64, 0.0f64);
         for _ in 0..(2.0 / dt) as usize {
             engine.step(&drive);
@@ -125,7 +128,8 @@ fn joint_limits_hold_against_torque() {
             fastest = fastest.max(engine.joints().velocity[0]);
         }
         assert!(highest <= 0.5 + fastest * dt, "{highest} rad at {dt} s");
-        assert!((engine.joints().position[0] - 0.5).abs() < 100.0 * dt * dt);
+        let moved = torque / PENDULUM_INERTIA * dt * dt;
+        assert!((engine.joints().position[0] - 0.5).abs() < moved);
     }
 }
 
@@ -177,7 +181,7 @@ fn momentum(engine: &mut Rapier, robot: &Robot, drive: &Drive, dt: f64) -> (Vect
     (linear, angular)
 }
 
-/// Nothing outside acts. Halving the step has to halve what the integration does to both momenta.
+/// Nothing outside acts: what the integration does to both momenta is of first order in the step.
 #[test]
 fn momentum_is_kept_in_free_flight() {
     let robot = biped();
@@ -198,12 +202,10 @@ fn momentum_is_kept_in_free_flight() {
         let (linear, angular) = momentum(&mut engine, &robot, &drive, dt);
         (0..(0.5 / dt) as usize).for_each(|_| engine.step(&drive));
         let (linear_after, angular_after) = momentum(&mut engine, &robot, &drive, dt);
-        (
-            (linear_after - linear).norm() / linear.norm(),
-            (angular_after - angular).norm() / angular.norm(),
-        )
+        [linear_after - linear, angular_after - angular].map(|change| change.as_slice().to_vec())
     };
-    let (coarse, fine) = (drift(2e-3), drift(1e-3));
-    assert!(fine.0 < 0.6 * coarse.0 && fine.0 < 5e-3, "linear {fine:?} {coarse:?}");
-    assert!(fine.1 < 0.6 * coarse.1 && fine.1 < 5e-3, "angular {fine:?} {coarse:?}");
+    let drifts = [2e-3, 1e-3, 5e-4].map(drift);
+    for (i, name) in ["linear", "angular"].into_iter().enumerate() {
+        first_order(name, &drifts.each_ref().map(|drift| drift[i].clone()));
+    }
 }

@@ -6,4 +6,6 @@ mod drives;
 mod joints;
 mod lanes;
 mod nimbro;
+#[path = "../support/order.rs"]
+mod order;
 mod robots;

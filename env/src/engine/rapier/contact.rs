@@ -29,15 +29,17 @@ use crate::engine::Friction;
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct GroundForce(pub Vector3<f64>);
 
-/// The ground's force on `toucher` in the last step. On a height field the sum over rapier's contact points was found 3 % above
-/// the weight of a robot at rest; on planes it is the weight.
+/// The ground's force on `toucher` in the last step: of the points that the solver saw. It takes four of a manifold, and on a height
+/// field there are more; the others keep the impulse of the step in which they were last taken.
 pub(super) fn ground_force(state: &State, toucher: &Toucher, dt: f64) -> GroundForce {
     let mut impulse = Vector::ZERO;
     for &collider in &toucher.colliders {
         for pair in state.narrow_phase.contact_pairs_with(collider) {
             let side = if pair.collider1 == collider { -1.0 } else { 1.0 };
             for manifold in pair.solver_manifolds() {
-                for point in &manifold.points {
+                for contact in &manifold.data.solver_contacts {
+                    let [id] = contact.contact_indices();
+                    let point = &manifold.points[id as usize];
                     impulse += side * (point.data.impulse * manifold.data.normal - point.data.warmstart_tangent_world);
                 }
             }
