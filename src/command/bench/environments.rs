@@ -68,16 +68,23 @@ pub fn bench(settings: &Settings, seconds: u32, threads: usize) -> miette::Resul
 }
 
 impl Bench {
+    /// Random actions: every one a hash of its count, so that they do not wait for each other; all threads wait for this.
+    fn draw_actions(&mut self) {
+        for (action, count) in self.actions.iter_mut().zip(self.counter..) {
+            let mixed = (count ^ (count >> 16)).wrapping_mul(0x7feb_352d);
+            let mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x846c_a68b);
+            *action = (mixed >> 8) as f32 / (1 << 24) as f32;
+        }
+        self.counter = self.counter.wrapping_add(self.actions.len() as u32);
+    }
+
     /// A second of steps; `engine` splits physics steps too.
     fn round(&mut self, engine: bool) -> Round {
         self.batch.time_phases(true, engine);
         let (start, before) = (Instant::now(), processor_seconds());
         let mut steps = 0;
         while start.elapsed() < Duration::from_secs(1) {
-            for action in &mut self.actions {
-                self.counter = self.counter.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                *action = (self.counter >> 8) as f32 / (1 << 24) as f32;
-            }
+            self.draw_actions();
             self.batch.step(&self.actions);
             self.batch.take_episodes();
             steps += self.batch.environments();

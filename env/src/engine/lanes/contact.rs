@@ -5,7 +5,7 @@
 //! push-out speed on the right is bounded. A point within reach above the ground may not move by more than its gap in a
 //! step. k and d are [`STIFFNESS`] and [`DAMPING`] of one point: a 17 kg robot on eight points sinks in by 0.2 mm.
 
-use super::factor::half_solve_path;
+use super::factor::plus_column;
 use super::friction::{Cone, rub};
 use super::group::{ContactImpulse, Group};
 use super::lane::Lane;
@@ -57,21 +57,14 @@ fn prepare_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L
         }
         let impulses = &mut group.state.contacts[body.first_point..][..body.points.len()];
         if !target.active {
-            impulses.fill(ContactImpulse {
-                normal: L::zero(),
-                friction: [L::zero(); 5],
-            });
+            for impulse in impulses {
+                impulse.normal = L::zero();
+                impulse.friction = [L::zero(); 5];
+            }
             continue;
         }
         target.velocity = link.velocity.at(centre).array();
-        unit_wrenches(model, body, centre, &work.subspaces, &mut target.columns);
-        half_solve_path(
-            &model.rows,
-            &work.mass_matrix,
-            &work.inverse_diagonal,
-            &body.path,
-            &mut target.columns,
-        );
+        half_solve_wrenches(model, body, centre, &work.subspaces, &work.inverse, &mut target.columns);
         target.response = gram(&target.columns);
         let cone = Cone::new(&group.parameters.friction, model.dt);
         let turning = turning(&target.response);
@@ -107,17 +100,17 @@ fn place_point<L: Lane>(point: &mut PointWork<L>, gap: L, dt: f64) {
     point.normal_max = gap.select_lt(L::of(REACH), L::of(f32::MAX.into()), L::zero());
 }
 
-/// The transposed Jacobian of the body's twist at its reference point, one row a degree of freedom of its path.
+/// The transposed Jacobian of the body's twist at its reference point, one row a degree of freedom of its path: what
+/// [`half_solve_wrenches`] makes of it with the identity for an inverse.
 #[cfg(test)]
-pub fn jacobian<L: Lane>(model: &Model<L>, body: &ContactBody<L>, work: &Work<L>) -> Vec<[L; 6]> {
+pub fn body_jacobian<L: Lane>(model: &Model<L>, body: &ContactBody<L>, work: &Work<L>) -> Vec<[L; 6]> {
     let mut columns = vec![[L::zero(); 6]; body.path.len()];
-    unit_wrenches(
-        model,
-        body,
-        centre(&work.links[body.link], body),
-        &work.subspaces,
-        &mut columns,
-    );
+    let mut identity = vec![L::zero(); model.entries];
+    for row in &model.rows {
+        identity[row.diagonal()] = L::of(1.0);
+    }
+    let centre = centre(&work.links[body.link], body);
+    half_solve_wrenches(model, body, centre, &work.subspaces, &identity, &mut columns);
     columns
 }
 
@@ -127,32 +120,59 @@ fn centre<L: Lane>(link: &LinkWork<L>, body: &ContactBody<L>) -> Vec3<L> {
     link.position.plus(link.rotation.apply(Vec3::splat(body.centre)))
 }
 
-/// The transposed Jacobian of the body's twist at `centre`: one row a degree of freedom of its path.
+/// The unit wrenches at `centre`, half-solved: `X^T J^T` with the Jacobian J of the body's twist there, one row a degree of
+/// freedom of its path.
 #[inline(always)]
-fn unit_wrenches<L: Lane>(
+fn half_solve_wrenches<L: Lane>(
+    model: &Model<L>,
+    body: &ContactBody<L>,
+    centre: Vec3<L>,
+    subspaces: &[Motion<L>],
+    inverse: &[L],
+    columns: &mut [[L; 6]],
+) {
+    jacobian(model, body, centre, subspaces, columns);
+    let path = &body.path;
+    for j in 0..path.len() {
+        let (from, root) = if j < model.root {
+            (model.root, base_twist(inverse, j).at(centre).array())
+        } else {
+            (j, [L::zero(); 6])
+        };
+        columns[j] = plus_column(&model.rows, inverse, path, j, from, columns, root);
+    }
+}
+
+/// The base's part of column `j` of the inverse: with the base's own velocities for degrees of freedom, its Jacobian is the
+/// identity.
+#[inline(always)]
+fn base_twist<L: Lane>(inverse: &[L], j: usize) -> Motion<L> {
+    let mut column = [L::zero(); ROOT];
+    for (i, entry) in (j..).zip(&mut column[j..]) {
+        *entry = inverse[i * (i + 1) / 2 + j];
+    }
+    let [x, y, z, a, b, c] = column;
+    Motion {
+        linear: Vec3::new(x, y, z),
+        angular: Vec3::new(a, b, c),
+    }
+}
+
+/// The transposed Jacobian of the body's twist at `centre`: one row a degree of freedom of its path. The base's rows are left
+/// out.
+#[inline(always)]
+fn jacobian<L: Lane>(
     model: &Model<L>,
     body: &ContactBody<L>,
     centre: Vec3<L>,
     subspaces: &[Motion<L>],
     columns: &mut [[L; 6]],
 ) {
-    let (o, i) = (L::zero(), L::of(1.0));
-    for (column, subspace) in columns.iter_mut().zip(&body.subspaces) {
+    for (column, subspace) in columns[model.root..].iter_mut().zip(&body.subspaces[model.root..]) {
         *column = match *subspace {
             Some(s) => subspaces[s].at(centre).array(),
-            None => [o; 6],
+            None => [L::zero(); 6],
         };
-    }
-    if model.floating {
-        let c = centre;
-        columns[..ROOT].copy_from_slice(&[
-            [i, o, o, o, o, o],
-            [o, i, o, o, o, o],
-            [o, o, i, o, o, o],
-            [o, -c.z, c.y, i, o, o],
-            [c.z, o, -c.x, o, i, o],
-            [-c.y, c.x, o, o, o, i],
-        ]);
     }
 }
 
@@ -268,13 +288,14 @@ fn point_wrench<L: Lane>(
 #[inline(always)]
 fn add_wrench<L: Lane>(body: &ContactBody<L>, work: &BodyWork<L>, wrench: [L; 6], change: &mut [L]) {
     for (column, &k) in work.columns.iter().zip(&body.path) {
-        change[k] += dot6(column, &wrench);
+        change[k] = plus_dot6(change[k], column, &wrench);
     }
 }
 
+/// `sum + a . b`
 #[inline(always)]
-fn dot6<L: Lane>(a: &[L; 6], b: &[L; 6]) -> L {
-    let linear = a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
+fn plus_dot6<L: Lane>(sum: L, a: &[L; 6], b: &[L; 6]) -> L {
+    let linear = a[0].mul_add(b[0], a[1].mul_add(b[1], a[2].mul_add(b[2], sum)));
     linear + a[3].mul_add(b[3], a[4].mul_add(b[4], a[5] * b[5]))
 }
 
@@ -321,7 +342,7 @@ fn sweep_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L>,
             if p < last {
                 let change = change.array();
                 for (v, response) in twist.iter_mut().zip(&target.response) {
-                    *v += dot6(response, &change);
+                    *v = plus_dot6(*v, response, &change);
                 }
             }
         }

@@ -108,7 +108,7 @@ impl Lane for Counted {
             *x = lane.into();
         }
     }
-    fn get(self, i: usize) -> f64 {
+    fn get(&self, i: usize) -> f64 {
         self.0[i].into()
     }
     fn set(&mut self, i: usize, x: f64) {

@@ -2,63 +2,70 @@
 //! (Featherstone, Rigid Body Dynamics Algorithms, chapters 5 and 6), in world axes about the base link's origin.
 
 use super::group::{Group, LinkInertia, Parameters};
+use super::kinematics::{add_subspaces, place_base, place_link};
 use super::lane::Lane;
 use super::model::Model;
-use super::spatial::{Inertia, Motion};
+use super::spatial::{Force, Inertia, Motion};
 use super::vector::Vec3;
 use super::work::{LinkWork, Work};
 
-/// Fills `work.bias` with the generalised force that holds all accelerations at zero: gravity and velocity products.
+/// Places the links and fills their inertias and the forces that hold all generalised accelerations at zero: gravity and
+/// velocity products. One pass, so that a link's numbers are still at hand.
 #[inline(always)]
-pub fn bias_force<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work<L>) {
-    let parameters = &group.parameters;
+pub fn outward<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work<L>) {
+    let Group { state, parameters, .. } = group;
     let base = &mut work.links[0];
+    place_base(state, base);
     // The generalised acceleration of a floating base is that of its origin, a point: the spatial one is less by w x v.
     let Motion { linear, angular } = base.velocity;
-    let rest = Vec3::zero().minus(parameters.gravity).minus(angular.cross(linear));
     base.acceleration = Motion {
-        linear: rest,
+        linear: Vec3::zero().minus(parameters.gravity).minus(angular.cross(linear)),
         angular: Vec3::zero(),
     };
     own_force(&parameters.links[0], base);
     for (j, joint) in model.joints.iter().enumerate() {
+        place_link(model, state, work, j);
         let above = work.links[joint.parent].acceleration;
-        let speed = group.state.joint_velocity[joint.dof - model.root];
+        let speed = state.joint_velocity[joint.dof - model.root];
         let link = &mut work.links[j + 1];
         link.acceleration = above.plus(link.velocity.cross(work.subspaces[j].times(speed)));
         own_force(&parameters.links[j + 1], link);
     }
-    work.bias.fill(L::zero());
-    for (j, joint) in model.joints.iter().enumerate().rev() {
-        let force = work.links[j + 1].force;
-        work.bias[joint.dof] += work.subspaces[j].dot(force);
-        let parent = &mut work.links[joint.parent].force;
-        *parent = parent.plus(force);
-    }
-    if model.floating {
-        work.bias[..6].copy_from_slice(&work.links[0].force.array());
-    }
+    add_subspaces(model, work);
 }
 
-/// Inertia of the link in world axes, and the force of its acceleration.
+/// Inertia of the link in world axes, and the force of its acceleration: by Newton and Euler at its centre of mass.
 #[inline(always)]
 fn own_force<L: Lane>(own: &LinkInertia<L>, link: &mut LinkWork<L>) {
     let com = link.position.plus(link.rotation.apply(own.com));
-    link.inertia = Inertia::new(own.mass, com, &own.about_com.rotated(&link.rotation));
-    let momentum = link.inertia.apply(link.velocity);
-    link.force = link
-        .inertia
-        .apply(link.acceleration)
-        .plus(link.velocity.cross_force(momentum));
+    let about_com = own.about_com.rotated(&link.rotation);
+    link.inertia = Inertia::new(own.mass, com, &about_com);
+    let (velocity, acceleration) = (link.velocity.at(com), link.acceleration.at(com));
+    // The spatial acceleration is that of the place, through which the body moves on.
+    let own_acceleration = acceleration.linear.plus_cross(velocity.angular, velocity.linear);
+    let force = own_acceleration.times(own.mass);
+    let spin = about_com.apply(velocity.angular);
+    let moment = about_com
+        .apply(acceleration.angular)
+        .plus_cross(velocity.angular, spin)
+        .plus_cross(com, force);
+    link.force = Force { force, moment };
 }
 
-/// Fills `work.mass_matrix` with the rigid bodies' part; [`bias_force`] has left the links' inertias.
+/// Fills `work.bias` with the generalised force of the links' forces and `work.mass_matrix` with the rigid bodies' part, from
+/// what [`outward`] has left.
 #[inline(always)]
-pub fn mass_matrix<L: Lane>(model: &Model<L>, work: &mut Work<L>) {
+pub fn inward<L: Lane>(model: &Model<L>, work: &mut Work<L>) {
+    work.bias.fill(L::zero());
     work.mass_matrix.fill(L::zero());
     for (j, joint) in model.joints.iter().enumerate().rev() {
-        let inertia = work.links[j + 1].inertia;
-        let force = inertia.apply(work.subspaces[j]);
+        let (above, below) = work.links.split_at_mut(j + 1);
+        let (parent, link) = (&mut above[joint.parent], &below[0]);
+        let subspace = work.subspaces[j];
+        work.bias[joint.dof] += subspace.dot(link.force);
+        parent.force = parent.force.plus(link.force);
+
+        let force = link.inertia.apply(subspace);
         if model.floating {
             let row = &mut work.mass_matrix[joint.row..joint.row + 6];
             for (entry, f) in row.iter_mut().zip(force.array()) {
@@ -68,10 +75,10 @@ pub fn mass_matrix<L: Lane>(model: &Model<L>, work: &mut Work<L>) {
         for product in &joint.products {
             work.mass_matrix[product.entry] += work.subspaces[product.subspace].dot(force);
         }
-        let parent = &mut work.links[joint.parent].inertia;
-        *parent = parent.plus(&inertia);
+        parent.inertia = parent.inertia.plus(&link.inertia);
     }
     if model.floating {
+        work.bias[..6].copy_from_slice(&work.links[0].force.array());
         root_block(&work.links[0].inertia, &mut work.mass_matrix[..21]);
     }
 }

@@ -82,9 +82,15 @@ impl<L: Lane> Cone<L> {
             square_mu * along_y[0],
             square_mu.mul_add(along_y[1], diagonal),
         ];
-        let mixed = |row: &[L; 6]| Vec3::new(mu * a * row[3], mu * b * row[4], mu * c * row[5]);
-        point.mixed = [mixed(&along_x), mixed(&along_y)];
+        let turn = [mu * a, mu * b, mu * c];
+        point.mixed = [mixed(&along_x, &turn), mixed(&along_y, &turn)];
     }
+}
+
+/// A row's turning part, scaled.
+#[inline(always)]
+fn mixed<L: Lane>(row: &[L; 6], turn: &[L; 3]) -> Vec3<L> {
+    Vec3::new(turn[0] * row[3], turn[1] * row[4], turn[2] * row[5])
 }
 
 /// The twist's components that friction opposes: along x and y, about x, y and z.
@@ -115,7 +121,7 @@ pub fn rub<L: Lane>(
         slip[r] = point.coupling[r].mul_add(normal, cone.creep[r].mul_add(old[r], slip[r]));
     }
     let radius = impulse.normal;
-    let multiplier = (-product(&slip, &old) / (radius * radius).max(L::of(1e-20)))
+    let multiplier = (-product(&slip, &old) * (radius * radius).max(L::of(1e-20)).recip())
         .max(L::zero())
         .min(L::of(LARGEST_MULTIPLIER));
     for r in 0..5 {
@@ -130,7 +136,7 @@ pub fn rub<L: Lane>(
     let mut change = old;
     for r in 0..5 {
         // The sum turns a negative zero positive: a point out of reach leaves the same bits as a skipped one.
-        let next = next[r] * shrink + L::zero();
+        let next = next[r].mul_add(shrink, L::zero());
         impulse.friction[r] = next;
         change[r] = next - old[r];
     }
@@ -140,31 +146,35 @@ pub fn rub<L: Lane>(
 /// `(B + multiplier)^-1 slip`
 ///
 /// With the block `[T C; C^T W]` of sliding and turning, D = C W^-1 and S = T - D C^T, the solution for (t, w) is
-/// `x = S^-1 (t - D w)` and `W^-1 w - D^T x`.
+/// `x = S^-1 (t - D w)` and `W^-1 w - D^T x`. A visit waits for this: products with the adjugate of W do not wait for the
+/// division by its determinant.
 #[inline(always)]
 fn newton<L: Lane>(point: &PointWork<L>, turning: &Sym3<L>, multiplier: L, slip: &[L; 5]) -> [L; 5] {
-    let turning_inverse = Sym3 {
+    let turning = Sym3 {
         xx: turning.xx + multiplier,
         yy: turning.yy + multiplier,
         zz: turning.zz + multiplier,
         ..*turning
-    }
-    .inverse();
+    };
+    let adjugate = turning.adjugate();
+    let scale = turning.determinant(&adjugate).recip();
     let [mixed_x, mixed_y] = point.mixed;
-    let (lever_x, lever_y) = (turning_inverse.apply(mixed_x), turning_inverse.apply(mixed_y));
-    let [xx, xy, yy] = point.sliding;
-    let least = L::of(LEAST_RESPONSE);
-    let xx = (xx + multiplier - lever_x.dot(mixed_x)).max(least);
-    let xy = xy - lever_x.dot(mixed_y);
-    let yy = (yy + multiplier - lever_y.dot(mixed_y)).max(least);
-    let inverse = xy.neg_mul_add(xy, xx * yy).max(least * least).recip();
-
+    let (lever_x, lever_y) = (adjugate.apply(mixed_x), adjugate.apply(mixed_y));
     let [x, y, a, b, c] = *slip;
     let turn = Vec3::new(a, b, c);
-    let (x, y) = (x - lever_x.dot(turn), y - lever_y.dot(turn));
+
+    let [xx, xy, yy] = point.sliding;
+    let least = L::of(LEAST_RESPONSE);
+    let xx = scale.neg_mul_add(lever_x.dot(mixed_x), xx + multiplier).max(least);
+    let xy = scale.neg_mul_add(lever_x.dot(mixed_y), xy);
+    let yy = scale.neg_mul_add(lever_y.dot(mixed_y), yy + multiplier).max(least);
+    let inverse = xy.neg_mul_add(xy, xx * yy).max(least * least).recip();
+
+    let x = scale.neg_mul_add(lever_x.dot(turn), x);
+    let y = scale.neg_mul_add(lever_y.dot(turn), y);
     let (x, y) = (xy.neg_mul_add(y, yy * x) * inverse, xy.neg_mul_add(x, xx * y) * inverse);
-    let turn = turning_inverse.apply(turn);
-    let turn = turn.minus(lever_x.times(x).plus_scaled(lever_y, y));
+    let levers = lever_x.times(x).plus_scaled(lever_y, y);
+    let turn = adjugate.apply(turn).minus(levers).times(scale);
     [x, y, turn.x, turn.y, turn.z]
 }
 

@@ -6,7 +6,7 @@
 //! the extra impulse e that makes up for what the clamp turns out to be. With g the joint's velocity per unit of
 //! impulse and y the velocity change without e, the implicit drive needs `e = (clamp(P0 - c y) - (P0 - c y)) / (1 - c g)`,
 //! the held one `e = clamp((P0 - c (y - g S)) / (1 + c g)) - S` with its impulse S: both are
-//! `(clamp(wanted - wanted_slope y) - (held - held_slope y)) gain`.
+//! `(clamp(wanted - wanted_slope y) - (held - held_slope y)) gain`, and the gain is in all six numbers.
 //!
 //! **Dry friction and limits** are one impulse: of the velocity without it, friction takes up to g times its bound, and
 //! what the limits do not allow of the rest is taken as well (the proximal map of the sum of both potentials).
@@ -14,7 +14,7 @@
 //! A row that has nothing to do changes no bit of anything, so it ends where its impulses are seen to stay: most joints
 //! of most robots cost the product that finds their velocity.
 
-use super::factor::half_solve_unit;
+use super::factor::row_product;
 use super::group::Group;
 use super::lane::Lane;
 use super::model::Model;
@@ -73,10 +73,9 @@ pub fn prepare_rows<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work
     for d in 0..model.limits.len() {
         let k = model.root + d;
         let path = &model.rows[k];
-        let column = &mut work.columns[path.start..=path.diagonal()];
-        half_solve_unit(&model.rows, &work.mass_matrix, &work.inverse_diagonal, k, column);
+        let column = &work.inverse[path.start..=path.diagonal()];
         let mut response = L::zero();
-        for y in &*column {
+        for y in column {
             response = y.mul_add(*y, response);
         }
         finish_row(&mut work.rows[d], response);
@@ -93,12 +92,18 @@ fn finish_row<L: Lane>(row: &mut JointRow<L>, response: L) {
     let one = L::of(1.0);
     let answer = row.wanted_slope * response;
     // Implicit on the diagonal, `answer` is below one but for rounding.
-    let inverse = implicit(row, (one - answer).max(L::of(1e-6)), one + answer).recip();
-    row.gain = implicit(row, inverse, one);
+    let divisor = implicit(row, (one - answer).max(L::of(1e-6)), one + answer);
+    let inverse = divisor.recip();
+    let (gain, inverse_gain) = (implicit(row, inverse, one), implicit(row, divisor, one));
     let share = implicit(row, one, inverse);
     let held = implicit(row, L::zero(), row.held);
-    row.wanted = share * answer.mul_add(held, row.wanted);
-    row.wanted_slope = share * row.wanted_slope;
+    row.wanted = gain * (share * answer.mul_add(held, row.wanted));
+    row.wanted_slope = gain * (share * row.wanted_slope);
+    row.held = gain * row.held;
+    row.held_slope = gain * row.held_slope;
+    row.inverse_gain = inverse_gain;
+    row.drive_min = gain * row.drive_min;
+    row.drive_max = gain * row.drive_max;
     row.response = response;
     row.inverse_response = response.recip();
     row.friction_speed = response * row.friction_speed;
@@ -111,8 +116,7 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
     for d in 0..model.limits.len() {
         let k = model.root + d;
         let path = &model.rows[k];
-        let column = &work.columns[path.start..=path.diagonal()];
-        let x = velocity_change(&path.ancestors, k, column, &work.change);
+        let x = row_product(path, k, &work.inverse, &work.change);
         let change = project(
             &mut work.rows[d],
             &mut state.joint_impulse[d],
@@ -120,6 +124,7 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
             x,
         );
         if change.any_ne(L::zero()) {
+            let column = &work.inverse[path.start..=path.diagonal()];
             add_impulse(&path.ancestors, k, column, change, &mut work.change);
         }
     }
@@ -129,53 +134,41 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
 /// they were zero and stay so.
 #[inline(always)]
 fn project<L: Lane>(row: &mut JointRow<L>, impulse: &mut L, velocity: L, x: L) -> L {
+    // The next row waits for x to come through, so what does not need it stands apart.
     let g = row.response;
-    let y = g.neg_mul_add(row.drive_extra, x);
-    let wanted = row.wanted_slope.neg_mul_add(y, row.wanted);
-    let held = row.held_slope.neg_mul_add(y, row.held);
-    let extra = (wanted.clamp(row.drive_min, row.drive_max) - held) * row.gain;
+    let taken = g * row.drive_extra;
+    let wanted = row.wanted_slope.mul_add(taken, row.wanted);
+    let held = row.held_slope.mul_add(taken, row.held);
+    let still = g.neg_mul_add(*impulse + row.drive_extra, velocity);
 
-    let free = g.mul_add(extra, y) + g.neg_mul_add(*impulse, velocity);
-    let slid = free - free.clamp(-row.friction_speed, row.friction_speed);
-    let next = (slid.clamp(row.velocity_min, row.velocity_max) - free) * row.inverse_response;
+    let wanted = row.wanted_slope.neg_mul_add(x, wanted);
+    let held = row.held_slope.neg_mul_add(x, held);
+    let extra = wanted.clamp(row.drive_min, row.drive_max) - held;
 
-    let change = (extra - row.drive_extra) + (next - *impulse);
+    let still = x + still;
+    let free = g.mul_add(extra, still);
+    let forward = g.mul_add(extra, still - row.friction_speed);
+    let backward = g.mul_add(extra, still + row.friction_speed);
+    let slid = backward.min(L::zero()).max(forward);
+    let missing = slid.clamp(row.velocity_min, row.velocity_max) - free;
+
+    let change = missing.mul_add(row.inverse_response, (extra - row.drive_extra) - *impulse);
     row.drive_extra = extra;
-    *impulse = next;
+    *impulse = missing * row.inverse_response;
     change
 }
 
-/// The drives' torques at the end of the sweeps.
+/// The drives' torques at the end of the step, from the change of velocity.
 #[inline(always)]
 pub fn store_torques<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &Work<L>) {
     let rate = L::of(1.0 / model.dt);
     for (d, row) in work.rows.iter().enumerate() {
-        let k = model.root + d;
-        let path = &model.rows[k];
-        let column = &work.columns[path.start..=path.diagonal()];
-        let x = velocity_change(&path.ancestors, k, column, &work.change);
-        let total = row.held_slope.neg_mul_add(x, row.held) + row.drive_extra;
+        let x = work.change[model.root + d];
+        let held = row.held_slope.neg_mul_add(x, row.held);
+        let total = row.inverse_gain.mul_add(held, row.drive_extra);
         let drive = &group.drive[d];
         group.state.torque[d] = (total * rate).clamp(drive.torque_min, drive.torque_max);
     }
-}
-
-/// `y . u`
-#[inline(always)]
-fn velocity_change<L: Lane>(ancestors: &[usize], k: usize, column: &[L], change: &[L]) -> L {
-    // Four sums at once: one would wait for every product.
-    let [mut p, mut q, mut r, mut s] = [column[ancestors.len()] * change[k], L::zero(), L::zero(), L::zero()];
-    for (y, a) in column.chunks_exact(4).zip(ancestors.chunks_exact(4)) {
-        p = y[0].mul_add(change[a[0]], p);
-        q = y[1].mul_add(change[a[1]], q);
-        r = y[2].mul_add(change[a[2]], r);
-        s = y[3].mul_add(change[a[3]], s);
-    }
-    let whole = ancestors.len() & !3;
-    for (y, &a) in column[whole..].iter().zip(&ancestors[whole..]) {
-        q = y.mul_add(change[a], q);
-    }
-    (p + q) + (r + s)
 }
 
 /// `u = u + y impulse`

@@ -12,18 +12,37 @@ use crate::robot::JointKind;
 /// Fills pose and velocity of every link, and the subspaces.
 #[inline(always)]
 pub fn place_links<L: Lane>(model: &Model<L>, state: &State<L>, work: &mut Work<L>) {
-    let base = &mut work.links[0];
+    place_base(state, &mut work.links[0]);
+    for j in 0..model.joints.len() {
+        place_link(model, state, work, j);
+    }
+    add_subspaces(model, work);
+}
+
+/// Fills pose and velocity of the base link.
+#[inline(always)]
+pub fn place_base<L: Lane>(state: &State<L>, base: &mut LinkWork<L>) {
     base.rotation = Mat3::rotation(&state.orientation);
     base.position = Vec3::zero();
     base.velocity = state.velocity;
-    for (j, joint) in model.joints.iter().enumerate() {
-        let d = joint.dof - model.root;
-        let position = L::splat(joint.ratio).mul_add(state.joint_position[d], L::splat(joint.offset));
-        let parent = work.links[joint.parent];
-        let subspace = place(joint, position, &parent, &mut work.links[j + 1]);
-        work.subspaces[j] = subspace;
-        work.links[j + 1].velocity = parent.velocity.plus(subspace.times(state.joint_velocity[d]));
-    }
+}
+
+/// Fills pose and velocity of the link that joint `j` carries, and the joint's subspace; the parent is done.
+#[inline(always)]
+pub fn place_link<L: Lane>(model: &Model<L>, state: &State<L>, work: &mut Work<L>, j: usize) {
+    let joint = &model.joints[j];
+    let d = joint.dof - model.root;
+    let position = L::splat(joint.ratio).mul_add(state.joint_position[d], L::splat(joint.offset));
+    let (above, below) = work.links.split_at_mut(j + 1);
+    let (parent, link) = (&above[joint.parent], &mut below[0]);
+    let subspace = place(joint, position, parent, link);
+    work.subspaces[j] = subspace;
+    link.velocity = parent.velocity.plus(subspace.times(state.joint_velocity[d]));
+}
+
+/// Fills the subspaces that are sums of joints' own.
+#[inline(always)]
+pub fn add_subspaces<L: Lane>(model: &Model<L>, work: &mut Work<L>) {
     for (k, &(a, b)) in model.sums.iter().enumerate() {
         work.subspaces[model.joints.len() + k] = work.subspaces[a].plus(work.subspaces[b]);
     }

@@ -2,7 +2,9 @@
 //!
 //! [`Lane`] is what the algorithms are written in; the types are newtypes over `core::arch` vectors, two at a time. All
 //! algorithm code is `#[inline(always)]` and generic over [`Lane`]; [`Kernel::step`] instantiates it once per type
-//! inside a function with the matching `#[target_feature]`, so the portable binary holds every width.
+//! inside a function with the matching `#[target_feature]`, so the portable binary holds every width. What is not inlined there
+//! is compiled for any processor, and calls a function for every operation: closures over lanes and iterator adapters that the
+//! compiler may leave alone (`map`, `skip`, `fill`) do not belong into a step.
 
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -92,7 +94,7 @@ pub trait Lane:
         self.max(-self)
     }
     /// The number in lane `i`.
-    fn get(self, i: usize) -> f64;
+    fn get(&self, i: usize) -> f64;
     /// Replaces the number in lane `i`, leaving the bits of the others.
     fn set(&mut self, i: usize, x: f64);
 }
@@ -243,7 +245,7 @@ impl Lane for Single {
         to[0] = self.0;
     }
     #[inline(always)]
-    fn get(self, _: usize) -> f64 {
+    fn get(&self, _: usize) -> f64 {
         self.0
     }
     fn set(&mut self, _: usize, x: f64) {

@@ -104,6 +104,8 @@ pub struct Model<L: Lane> {
     pub sums: Vec<(usize, usize)>,
     /// One a degree of freedom, the root's first.
     pub rows: Vec<Row>,
+    /// The rows by the length of their paths: neighbours are of different limbs and wait less for each other than down a limb.
+    pub outward: Vec<usize>,
     /// Entries of the packed mass matrix.
     pub entries: usize,
     pub bodies: Vec<ContactBody<L>>,
@@ -120,6 +122,8 @@ impl<L: Lane> Model<L> {
         let root = if floating { ROOT } else { 0 };
         let tree = Tree::new(robot, root);
         let rows = tree.rows();
+        let mut outward: Vec<_> = (0..rows.len()).collect();
+        outward.sort_by_key(|&k| rows[k].ancestors.len());
         let entries = rows.iter().map(|row| row.ancestors.len() + 1).sum();
         let joints = (0..robot.joints.len())
             .map(|j| joint_model(robot, &tree, &rows, j))
@@ -146,6 +150,7 @@ impl<L: Lane> Model<L> {
             joints,
             sums: tree.sums.clone(),
             rows,
+            outward,
             entries,
             points: first_point,
             bodies,

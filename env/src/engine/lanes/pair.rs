@@ -112,7 +112,7 @@ impl<V: Lane> Lane for Pair<V> {
         self.1.store(second);
     }
     #[inline(always)]
-    fn get(self, i: usize) -> f64 {
+    fn get(&self, i: usize) -> f64 {
         if i < V::WIDTH {
             self.0.get(i)
         } else {

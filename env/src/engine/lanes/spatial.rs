@@ -50,14 +50,6 @@ impl<L: Lane> Motion<L> {
             angular: self.angular.cross(b.angular),
         }
     }
-    /// `self x* f`, the rate of change of a momentum `f` carried by a body that moves with `self`.
-    #[inline(always)]
-    pub fn cross_force(self, f: Force<L>) -> Force<L> {
-        Force {
-            force: self.angular.cross(f.force),
-            moment: self.angular.cross(f.moment).plus_cross(self.linear, f.force),
-        }
-    }
     /// The same motion seen at `point` (relative to the reference point).
     #[inline(always)]
     pub fn at(self, point: Vec3<L>) -> Self {

@@ -5,11 +5,12 @@ use super::dynamics;
 use super::factor;
 use super::group::Group;
 use super::joint;
-use super::kinematics;
 use super::lane::{Lane, MAX_WIDTH};
 use super::model::Model;
 use super::vector::Vec3;
-use super::work::{Timer, Work};
+use super::work::{
+    CONTACT_SETUP, CONTACT_SWEEPS, FACTORISATION, FINISH, INWARD, JOINT_SETUP, JOINT_SWEEPS, OUTWARD, Timer, Work,
+};
 
 /// No robot moves this fast, m/s or rad/s: a world that does is broken.
 const SPEED_BOUND: f64 = 1e4;
@@ -19,34 +20,46 @@ const SPEED_BOUND: f64 = 1e4;
 #[inline(always)]
 pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>, timer: &mut Timer) {
     timer.begin::<L>();
-    kinematics::place_links(model, &group.state, work);
-    timer.lap::<L>(0);
-    dynamics::bias_force(model, group, work);
-    timer.lap::<L>(1);
-    dynamics::mass_matrix(model, work);
+    dynamics::outward(model, group, work);
+    timer.lap::<L>(OUTWARD);
+    dynamics::inward(model, work);
     dynamics::smooth_impulse(model, group, work);
     joint::apply_drives(model, group, work);
-    timer.lap::<L>(2);
-    factor::factor(&model.rows, &mut work.mass_matrix, &mut work.inverse_diagonal);
-    factor::half_solve(&model.rows, &work.mass_matrix, &work.inverse_diagonal, &mut work.change);
+    timer.lap::<L>(INWARD);
+    factor::factor(
+        &model.rows,
+        &model.outward,
+        &mut work.mass_matrix,
+        &mut work.inverse_diagonal,
+    );
+    factor::invert(
+        &model.rows,
+        &model.outward,
+        &work.mass_matrix,
+        &work.inverse_diagonal,
+        &mut work.inverse,
+    );
+    factor::multiply_transposed(&model.rows, &work.inverse, &mut work.change);
     // Adding a zero impulse must not change a bit, so there is no negative zero to turn positive.
     for u in &mut work.change {
         *u += L::zero();
     }
-    timer.lap::<L>(3);
+    timer.lap::<L>(FACTORISATION);
     contact::prepare(model, group, work);
-    timer.lap::<L>(4);
+    timer.lap::<L>(CONTACT_SETUP);
     joint::prepare_rows(model, group, work);
-    timer.lap::<L>(5);
+    timer.lap::<L>(JOINT_SETUP);
     for _ in 0..model.sweeps {
         contact::sweep(model, group, work);
+        timer.lap::<L>(CONTACT_SWEEPS);
         joint::sweep(model, group, work);
+        timer.lap::<L>(JOINT_SWEEPS);
     }
     contact::store_forces(model, group, work);
+    factor::multiply(&model.rows, &work.inverse, &mut work.change);
     joint::store_torques(model, group, work);
-    factor::finish_solve(&model.rows, &work.mass_matrix, &work.inverse_diagonal, &mut work.change);
     integrate(model, group, &work.change);
-    timer.lap::<L>(6);
+    timer.lap::<L>(FINISH);
 }
 
 /// Adds the change of velocity and moves the positions.

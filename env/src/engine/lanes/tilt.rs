@@ -97,8 +97,12 @@ impl<L: Lane> Tilt<L> {
 #[inline(always)]
 fn axes<L: Lane>(along_x: L, along_y: L) -> Mat3<L> {
     let (o, i) = (L::zero(), L::of(1.0));
-    let unit = |v: Vec3<L>| v.times(v.dot(v).sqrt().recip());
     let tangent = unit(Vec3::new(i, o, along_x));
     let normal = unit(Vec3::new(-along_x, -along_y, i));
     Mat3([tangent, normal.cross(tangent), normal])
+}
+
+#[inline(always)]
+fn unit<L: Lane>(v: Vec3<L>) -> Vec3<L> {
+    v.times(v.dot(v).sqrt().recip())
 }

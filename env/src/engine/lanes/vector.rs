@@ -142,22 +142,24 @@ impl<L: Lane> Sym3<L> {
     pub fn apply(&self, v: Vec3<L>) -> Vec3<L> {
         self.rows().apply(v)
     }
-    /// The inverse of a positive definite matrix, by cofactors.
+    /// The cofactors: the inverse times the determinant.
     #[inline(always)]
-    pub fn inverse(&self) -> Self {
+    pub fn adjugate(&self) -> Self {
         let Self { xx, xy, xz, yy, yz, zz } = *self;
-        let a = yz.neg_mul_add(yz, yy * zz);
-        let b = xy.neg_mul_add(zz, xz * yz);
-        let c = xz.neg_mul_add(yy, xy * yz);
-        let scale = xx.mul_add(a, xy.mul_add(b, xz * c)).recip();
         Self {
-            xx: a * scale,
-            xy: b * scale,
-            xz: c * scale,
-            yy: xz.neg_mul_add(xz, xx * zz) * scale,
-            yz: xx.neg_mul_add(yz, xy * xz) * scale,
-            zz: xy.neg_mul_add(xy, xx * yy) * scale,
+            xx: yz.neg_mul_add(yz, yy * zz),
+            xy: xy.neg_mul_add(zz, xz * yz),
+            xz: xz.neg_mul_add(yy, xy * yz),
+            yy: xz.neg_mul_add(xz, xx * zz),
+            yz: xx.neg_mul_add(yz, xy * xz),
+            zz: xy.neg_mul_add(xy, xx * yy),
         }
+    }
+    /// The determinant from the cofactors.
+    #[inline(always)]
+    pub fn determinant(&self, adjugate: &Self) -> L {
+        let Self { xx, xy, xz, .. } = *self;
+        xx.mul_add(adjugate.xx, xy.mul_add(adjugate.xy, xz * adjugate.xz))
     }
     #[inline(always)]
     pub fn plus(&self, b: &Self) -> Self {

@@ -29,7 +29,8 @@ pub struct JointRow<L> {
     /// Velocity per unit of impulse at the joint, and its inverse.
     pub response: L,
     pub inverse_response: L,
-    /// The drive's impulse before the clamp and what it loses per unit of velocity change.
+    /// The drive's impulse before the clamp and what it loses per unit of velocity change; this and the next two pairs are
+    /// multiplied by the extra impulse per difference between both once the response is known.
     pub wanted: L,
     pub wanted_slope: L,
     /// What the drive gives without `drive_extra`, likewise.
@@ -38,8 +39,8 @@ pub struct JointRow<L> {
     /// The clamp as impulses.
     pub drive_min: L,
     pub drive_max: L,
-    /// Extra impulse per difference between both.
-    pub gain: L,
+    /// What undoes that.
+    pub inverse_gain: L,
     /// The drive's impulse beyond the held one.
     pub drive_extra: L,
     /// The velocity that dry friction can take; until the response is known its bound as impulse.
@@ -94,10 +95,10 @@ pub struct Work<L: Lane> {
     pub inverse_diagonal: Vec<L>,
     /// Generalised bias force.
     pub bias: Vec<L>,
+    /// Inverse of the factor, packed like the mass matrix: its rows are the half-solved unit impulses of the degrees of freedom.
+    pub inverse: Vec<L>,
     /// Generalised impulse, then half-solved, then the change of velocity.
     pub change: Vec<L>,
-    /// Half-solved unit impulses of the degrees of freedom, packed like the mass matrix.
-    pub columns: Vec<L>,
     pub rows: Vec<JointRow<L>>,
     pub bodies: Vec<BodyWork<L>>,
 }
@@ -122,7 +123,7 @@ impl<L: Lane> Work<L> {
             held_slope: o,
             drive_min: o,
             drive_max: o,
-            gain: o,
+            inverse_gain: o,
             drive_extra: o,
             friction_speed: o,
             velocity_min: o,
@@ -153,24 +154,34 @@ impl<L: Lane> Work<L> {
             mass_matrix: vec![o; model.entries],
             inverse_diagonal: vec![o; model.dofs()],
             bias: vec![o; model.dofs()],
+            inverse: vec![o; model.entries],
             change: vec![o; model.dofs()],
-            columns: vec![o; model.entries],
             rows: vec![row; model.limits.len()],
             bodies: model.bodies.iter().map(body).collect(),
         }
     }
 }
 
-/// Phases of a step in order.
-pub const PHASES: [&str; 7] = [
-    "kinematics",
-    "bias force",
-    "mass matrix",
+/// Phases of a step in order: `links outward` are poses, velocities, inertias and forces of the links, `links inward` bias force,
+/// mass matrix and drives.
+pub const PHASES: [&str; 8] = [
+    "links outward",
+    "links inward",
     "factorisation",
     "contact setup",
     "joint setup",
-    "sweeps and finish",
+    "contact sweeps",
+    "joint sweeps",
+    "finish",
 ];
+pub const OUTWARD: usize = 0;
+pub const INWARD: usize = 1;
+pub const FACTORISATION: usize = 2;
+pub const CONTACT_SETUP: usize = 3;
+pub const JOINT_SETUP: usize = 4;
+pub const CONTACT_SWEEPS: usize = 5;
+pub const JOINT_SWEEPS: usize = 6;
+pub const FINISH: usize = 7;
 
 /// Wall time by phase, kept only when asked for, and operations by phase of lanes that count.
 pub struct Timer {

@@ -102,15 +102,16 @@ macro_rules! vector {
                     *x = f64::from(lane);
                 }
             }
+            // In memory, as a start of an episode sets a thousand numbers: through a register every one would wait for the last.
             #[inline(always)]
-            fn get(self, i: usize) -> f64 {
-                let lanes = unsafe { transmute::<$raw, [$scalar; $width]>(self.0) };
+            fn get(&self, i: usize) -> f64 {
+                let lanes = unsafe { &*(&raw const self.0).cast::<[$scalar; $width]>() };
                 f64::from(lanes[i])
             }
+            #[inline(always)]
             fn set(&mut self, i: usize, x: f64) {
-                let mut lanes = unsafe { transmute::<$raw, [$scalar; $width]>(self.0) };
+                let lanes = unsafe { &mut *(&raw mut self.0).cast::<[$scalar; $width]>() };
                 lanes[i] = x as $scalar;
-                self.0 = unsafe { transmute::<[$scalar; $width], $raw>(lanes) };
             }
         }
     };
