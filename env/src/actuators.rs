@@ -119,6 +119,18 @@ impl Actuators {
         }
     }
 
+    /// Gives degree of freedom `d` of `world`, which was started, a past: `past(age)` says what was commanded (target in rad or
+    /// m, effort in N m or N) and where the joint was (rad or m) `age` physics steps before its first step. Only delays look
+    /// that far back.
+    pub fn recall(&mut self, d: usize, world: usize, effort: bool, past: impl Fn(usize) -> (f64, f64)) {
+        let k = d * self.worlds + world;
+        if let Some(effects) = self.effects_mut(k) {
+            effects.told.effort = effort;
+            effects.model.recall(&mut effects.memory, past);
+            effects.reading = effects.model.delayed_reading(&effects.memory);
+        }
+    }
+
     /// Sets the target of degree of freedom `d` in `world`, rad or m.
     pub fn set_target(&mut self, d: usize, world: usize, target: f64) {
         let k = d * self.worlds + world;

@@ -8,5 +8,6 @@
 
 pub mod check;
 pub mod excite;
+pub mod identify;
 pub mod log;
 pub mod recording;

@@ -143,6 +143,19 @@ impl Model {
         }
     }
 
+    /// Fills a memory whose joint was started with what was before: `past(age)` gives command and position `age` steps before
+    /// the first step.
+    pub fn recall(&self, memory: &mut Memory, past: impl Fn(usize) -> (f64, f64)) {
+        // The next command is pushed before it is looked at, the reading of the start was pushed already.
+        for (i, target) in memory.targets.0.iter_mut().enumerate() {
+            *target = self.command.rounded(past(i + 1).0);
+        }
+        for (age, reading) in memory.readings.0.iter_mut().enumerate().skip(1) {
+            *reading = self.sensor.read(past(age).1);
+        }
+        memory.followed = memory.targets.delayed(self.command.delay);
+    }
+
     /// The drive of the next step of a joint at `position` with `velocity`, under what the servo was `told` and the torque
     /// `outside`; `torque` is the engine's drive torque of the last step.
     pub fn step(
@@ -215,6 +228,11 @@ impl Model {
         let behind = self.transmission.is_split() && self.transmission.motor_encoder;
         let seen = if behind { memory.rotor.position } else { position };
         memory.readings.push(self.sensor.read(seen));
+        self.delayed_reading(memory)
+    }
+
+    /// The last reading that arrived.
+    pub fn delayed_reading(&self, memory: &Memory) -> f64 {
         memory.readings.delayed(self.sensor.delay)
     }
 

@@ -1,0 +1,148 @@
+//! Which effects are tried on which joints and links, and where their fits start.
+
+use omniwalk_env::effect::{Kind, Scale, Site};
+use omniwalk_env::robot::{Actuator, Robot};
+
+use super::fit::{Data, Fit, newton, sum, total};
+use super::model::{Model, Term, joint_of};
+use super::scales::Scales;
+
+/// An effect that may be missing, with every start of its fit.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The effect.
+    pub kind: Kind,
+    /// Degree of freedom or link.
+    pub target: usize,
+    /// One model of it a start.
+    pub starts: Vec<Term>,
+}
+
+/// Frequencies (cycles per rad or m) that a ripple's fit starts from, by degree of freedom.
+pub type Ripples = Vec<Vec<f64>>;
+
+/// Everything of the catalogue that `model` does not have yet and that `robot` can have.
+pub fn all(robot: &Robot, data: &Data, model: &Model, scales: &Scales, ripples: &Ripples) -> Vec<Candidate> {
+    let mut out = Vec::new();
+    for &kind in Kind::ALL {
+        let info = kind.info();
+        let targets = match info.site {
+            Site::Joint => 0..robot.dofs.len(),
+            Site::Link => 1..robot.links.len(),
+        };
+        for target in targets {
+            if model.has(kind, target) || !applies(kind, target, robot, data, model) {
+                continue;
+            }
+            for starts in variants(kind, target, robot, scales, ripples) {
+                if !starts.is_empty() {
+                    out.push(Candidate { kind, target, starts });
+                }
+            }
+        }
+    }
+    out
+}
+
+fn applies(kind: Kind, target: usize, robot: &Robot, data: &Data, model: &Model) -> bool {
+    let tuned = model
+        .tuned
+        .iter()
+        .any(|own| own.dof == target && own.own.kind() == Some(kind));
+    let efforts = || data.trials.iter().any(|trial| trial.told[target].effort);
+    let actuator = || robot.dof(target).actuator;
+    match kind {
+        Kind::ResidualTorque => false,
+        // The nominal parameters it scales are tuned already.
+        Kind::SupplyVoltage => false,
+        Kind::TorqueLimit | Kind::SpeedTorqueCurve => !tuned && actuator().is_some(),
+        Kind::CommandDelay => actuator().is_some(),
+        Kind::CommandRateLimit | Kind::CommandDeadBand | Kind::CommandGain | Kind::CommandQuantisation => {
+            actuator().is_some() && !efforts()
+        }
+        Kind::CoulombFriction | Kind::ViscousFriction | Kind::Armature => !tuned,
+        Kind::Backlash | Kind::Elasticity | Kind::LoadDependentFriction => {
+            actuator().is_some_and(|a: Actuator| a.torque_limit > 0.0)
+        }
+        Kind::Mass | Kind::CentreOfMass | Kind::Payload => robot.links[target].inertial.mass > 0.0,
+        _ => true,
+    }
+}
+
+/// The starts of each way the effect can be: some have several, of which one is true.
+fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: &Ripples) -> Vec<Vec<Term>> {
+    let info = kind.info();
+    let scale = |i: usize| scales.of(info.parameters[i].scale, info.site, target);
+    let start = |i: usize| -> Vec<f64> {
+        let parameter = &info.parameters[i];
+        let absolute = parameter.scale == Scale::Time;
+        let unit = if absolute { 1.0 } else { scale(i) };
+        parameter.starts.iter().map(|s| s * unit).collect()
+    };
+    let term = |values: Vec<f64>, free: Vec<usize>| Term {
+        kind,
+        target,
+        values,
+        free,
+        table: None,
+        held: false,
+    };
+    match kind {
+        Kind::Backlash | Kind::Elasticity => [0.0, 1.0]
+            .iter()
+            .map(|&encoder| start(0).into_iter().map(|x| term(vec![x, encoder], vec![0])).collect())
+            .collect(),
+        Kind::DirectionalFriction => vec![vec![term(vec![0.0, 0.0], vec![0, 1])]],
+        Kind::StribeckFriction => {
+            let each = |torque: f64| start(1).into_iter().map(move |v| vec![torque, v]);
+            vec![
+                start(0)
+                    .into_iter()
+                    .flat_map(each)
+                    .map(|v| term(v, vec![0, 1]))
+                    .collect(),
+            ]
+        }
+        Kind::PositionRipple => {
+            let amplitude = 0.0;
+            let own = ripples[target]
+                .iter()
+                .map(|&f| term(vec![amplitude, amplitude, f], vec![0, 1, 2]));
+            vec![own.collect()]
+        }
+        Kind::CentreOfMass => vec![vec![term(vec![0.0; 3], vec![0, 1, 2])]],
+        Kind::Payload => {
+            let com = robot.links[target].inertial.com;
+            let at = |x: f64| term(vec![x, com.x, com.y, com.z], vec![0]);
+            vec![start(0).into_iter().map(at).collect()]
+        }
+        _ => vec![start(0).into_iter().map(|x| term(vec![x], vec![0])).collect()],
+    }
+}
+
+/// Fits `model` with the candidate beside it, from the start that is best after a step. What is on other joints is held:
+/// it is fitted again when the candidate is taken.
+pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Fit {
+    let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
+    let with = |term: &Term| {
+        let mut model = model.clone();
+        model.terms.push(term.clone());
+        model.hold_others(robot, joint);
+        model
+    };
+    let mut starts: Vec<Model> = candidate.starts.iter().map(with).collect();
+    if starts.len() > 1 {
+        let step = |start: &Model| {
+            let (_, slopes) = data.slopes(start, scales);
+            let (x, free) = (start.get(scales), start.free(scales));
+            let (gradient, curvature) = sum(&slopes, &|_| true, x.len());
+            start.at(&newton(&x, &free, &gradient, &curvature, 1e-2), scales)
+        };
+        let stepped: Vec<Model> = starts.iter().map(step).collect();
+        starts.extend(stepped);
+        let losses = data.losses(&starts);
+        let best = (0..starts.len()).min_by(|&a, &b| total(&losses[a]).total_cmp(&total(&losses[b])));
+        starts.swap(0, best.unwrap_or(0));
+    }
+    data.fit(&starts[0], scales, &|_| true)
+}

@@ -1,0 +1,246 @@
+//! Cross-validation by blocks of time, and whether one model predicts better than another.
+
+use std::collections::BTreeMap;
+
+use omniwalk_env::random::Stream;
+
+use super::fit::{Data, Fit, Loss, newton, sum, total};
+use super::scales::Scales;
+
+/// Most folds.
+const FOLDS: usize = 5;
+/// Logs from which on folds are made of logs, and whole logs are drawn in the bootstrap.
+const MANY_LOGS: usize = 12;
+/// Draws of a bootstrap.
+const DRAWS: u64 = 2000;
+
+/// Which blocks are left out together.
+#[derive(Clone, Debug)]
+pub struct Folds {
+    /// Number of folds.
+    pub count: usize,
+    /// Fold of each block.
+    pub of_block: Vec<usize>,
+    /// Blocks that are not used for fitting either when a fold is left out: those beside it in the same log.
+    guard: Vec<Option<usize>>,
+    /// What draws of the bootstrap are made of: the cluster of each block.
+    cluster: Vec<usize>,
+    /// What folds are, for the report.
+    pub by: String,
+}
+
+/// By how much a model predicts better than another, on blocks it was not fitted to.
+#[derive(Clone, Copy, Debug)]
+pub struct Gain {
+    /// Fall of the loss over the loss before.
+    pub share: f64,
+    /// Probability of seeing such a fall were there none.
+    pub p: f64,
+}
+
+impl Folds {
+    /// Folds by log, or by stretches of time within the logs where there are few: an effect that only one of them shows
+    /// must be learnt from it and predicted in it.
+    pub fn new(data: &Data) -> Self {
+        let log_of: Vec<usize> = block_trials(data).iter().map(|&t| data.trials[t].log).collect();
+        let logs = 1 + log_of.iter().copied().max().unwrap_or(0);
+        let fold_of_log = by_log(logs);
+        let mut folds = Self {
+            count: 0,
+            of_block: vec![0; data.blocks],
+            guard: vec![None; data.blocks],
+            cluster: (0..data.blocks).collect(),
+            by: "log".into(),
+        };
+        if let Some(fold_of_log) = fold_of_log {
+            folds.count = 1 + fold_of_log.iter().copied().max().unwrap_or(0);
+            folds.of_block = log_of.iter().map(|&log| fold_of_log[log]).collect();
+        } else {
+            folds.by_time(data, &log_of);
+        }
+        if logs >= MANY_LOGS {
+            folds.cluster = log_of;
+        }
+        folds
+    }
+
+    /// The blocks of every cluster that draws are made of.
+    pub fn clusters(&self) -> Vec<Vec<usize>> {
+        let mut clusters: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (b, cluster) in self.cluster.iter().enumerate() {
+            clusters.entry(*cluster).or_default().push(b);
+        }
+        clusters.into_values().collect()
+    }
+
+    /// Whether a cluster is a whole log.
+    pub fn whole_logs(&self) -> bool {
+        self.cluster.windows(2).any(|pair| pair[0] == pair[1])
+    }
+
+    /// Contiguous stretches of each log, guarded by a block on either side.
+    fn by_time(&mut self, data: &Data, log_of: &[usize]) {
+        self.count = FOLDS;
+        self.by = "stretches of time, guarded by a block on either side".into();
+        let mut start = 0;
+        while start < data.blocks {
+            let end = (start..data.blocks)
+                .find(|&b| log_of[b] != log_of[start])
+                .unwrap_or(data.blocks);
+            for b in start..end {
+                self.of_block[b] = (b - start) * FOLDS / (end - start);
+            }
+            for b in start + 1..end {
+                let (left, right) = (self.of_block[b - 1], self.of_block[b]);
+                if left != right {
+                    (self.guard[b], self.guard[b - 1]) = (Some(left), Some(right));
+                }
+            }
+            start = end;
+        }
+    }
+
+    /// Whether block `b` is fitted to when `fold` is left out.
+    fn trains(&self, b: usize, fold: usize) -> bool {
+        self.of_block[b] != fold && self.guard[b] != Some(fold)
+    }
+
+    /// Loss of every block under the model fitted without it: one Gauss-Newton step from the fit to all blocks, which is
+    /// where the fit to the others ends, to second order, and a rollout of that.
+    pub fn cross(&self, data: &Data, fit: &Fit, scales: &Scales) -> Vec<Loss> {
+        let (x, free) = (fit.model.get(scales), fit.model.free(scales));
+        let without = |fold: usize| {
+            let used = |b: usize| self.trains(b, fold);
+            let (gradient, curvature) = sum(&fit.slopes, &used, x.len());
+            fit.model.at(&newton(&x, &free, &gradient, &curvature, 1e-3), scales)
+        };
+        let models: Vec<_> = (0..self.count).map(without).collect();
+        let losses = data.losses(&models);
+        (0..data.blocks).map(|b| losses[self.of_block[b]][b]).collect()
+    }
+
+    /// Whether `after` predicts better than `before`: by a bootstrap over clusters of what each loses or gains relative to
+    /// its own loss, which finds small gains everywhere, or by the ratio of the losses, which finds large gains in few.
+    pub fn gain(&self, before: &[Loss], after: &[Loss]) -> Gain {
+        let (a, b) = (total(before), total(after));
+        if !(b.is_finite() && a > 0.0) {
+            return Gain {
+                share: f64::NEG_INFINITY,
+                p: 1.0,
+            };
+        }
+        let mut clusters: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
+        for ((before, after), cluster) in before.iter().zip(after).zip(&self.cluster) {
+            let sums = clusters.entry(*cluster).or_default();
+            sums[0] += before.squares;
+            sums[1] += after.squares;
+        }
+        let mean = (a + b) / (2.0 * clusters.len() as f64);
+        let change = |[a, b]: &[f64; 2]| (a - b) / (a + b + mean);
+        let changes: Vec<f64> = clusters.values().map(change).collect();
+        Gain {
+            share: 1.0 - b / a,
+            p: significance(&changes).min(ratio_test(&clusters, a, b)),
+        }
+    }
+}
+
+/// The trial of each block.
+pub fn block_trials(data: &Data) -> Vec<usize> {
+    let ends = data.first_block.iter().skip(1).copied().chain([data.blocks]);
+    let mut out = Vec::with_capacity(data.blocks);
+    for (t, end) in ends.enumerate() {
+        out.resize(end, t);
+    }
+    out
+}
+
+/// Folds of whole logs, every so many of them one, where there are so many that what one log shows others show too.
+fn by_log(logs: usize) -> Option<Vec<usize>> {
+    (logs >= MANY_LOGS).then(|| (0..logs).map(|log| log % FOLDS).collect())
+}
+
+/// Probability of the ratio of two losses by an F test with as many observations as there are clusters that make up the
+/// loss: their participation ratio, so that one wild block counts as one.
+fn ratio_test(clusters: &BTreeMap<usize, [f64; 2]>, before: f64, after: f64) -> f64 {
+    let squares: f64 = clusters.values().map(|[a, _]| a * a).sum();
+    let effective = before * before / squares;
+    if after <= 0.0 || before <= after || effective < 3.0 {
+        return 1.0;
+    }
+    let freedom = effective - 1.0;
+    2.0 * student_tail(((before / after - 1.0) * freedom).sqrt(), freedom)
+}
+
+/// Probability that the mean of `changes` is this far above zero by chance: a bootstrap of pairs of neighbours, and the tail
+/// of Student's distribution at the mean over its spread, as no number of draws reaches small probabilities.
+fn significance(changes: &[f64]) -> f64 {
+    let n = changes.len();
+    if n < 3 {
+        return 1.0;
+    }
+    let mean = changes.iter().sum::<f64>() / n as f64;
+    let mut stream = Stream::new(0x1de7, 0, 0);
+    let pairs = n.div_ceil(2);
+    let draw = |_| {
+        let mut sum = 0.0;
+        for _ in 0..pairs {
+            let first = (stream.unit() * n as f64) as usize % n;
+            sum += changes[first] + changes[(first + 1) % n];
+        }
+        sum / (2 * pairs) as f64 - mean
+    };
+    let squares: f64 = (0..DRAWS).map(draw).map(|d| d * d).sum();
+    let spread = (squares / DRAWS as f64).sqrt();
+    if spread == 0.0 {
+        return if mean > 0.0 { 0.0 } else { 1.0 };
+    }
+    student_tail(mean / spread, (n - 1) as f64)
+}
+
+/// Probability of Student's distribution with `freedom` degrees of freedom above `t`: Simpson's rule over its density in
+/// the angle atan(t / sqrt(freedom)), where it is a power of the cosine.
+pub fn student_tail(t: f64, freedom: f64) -> f64 {
+    if !t.is_finite() {
+        return if t > 0.0 { 0.0 } else { 1.0 };
+    }
+    let end = std::f64::consts::FRAC_PI_2;
+    let start = (t / freedom.sqrt()).atan();
+    let integral = |from: f64| {
+        let steps = 4000;
+        let h = (end - from) / f64::from(steps);
+        let at = |k: i32| (from + f64::from(k) * h).cos().max(0.0).powf(freedom - 1.0);
+        (0..steps)
+            .step_by(2)
+            .map(|k| at(k) + 4.0 * at(k + 1) + at(k + 2))
+            .sum::<f64>()
+            * h
+            / 3.0
+    };
+    (integral(start) / integral(-end)).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tails_are_those_of_the_tables() {
+        for (t, freedom, p) in [
+            (1.812, 10.0, 0.05),
+            (2.764, 10.0, 0.01),
+            (12.706, 1.0, 0.025),
+            (0.0, 5.0, 0.5),
+        ] {
+            assert!((student_tail(t, freedom) - p).abs() < 2e-4 * (1.0 + p), "{t} {freedom}");
+        }
+    }
+
+    #[test]
+    fn changes_about_zero_are_no_gain_and_steady_ones_are() {
+        let wobble: Vec<f64> = (0..40).map(|k| ((k * 37 % 40) as f64 - 19.5) / 20.0).collect();
+        assert!(significance(&wobble) > 0.3);
+        let steady: Vec<f64> = wobble.iter().map(|w| 0.5 + 0.3 * w).collect();
+        assert!(significance(&steady) < 1e-6);
+    }
+}

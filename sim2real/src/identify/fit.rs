@@ -1,0 +1,312 @@
+//! Least squares over whole rollouts: Levenberg-Marquardt with finite differences, every candidate a SIMD lane.
+//!
+//! Loss, gradient and curvature are kept by block of time, so that folds of a cross-validation and errors that respect
+//! autocorrelation come from the same rollouts. Sums have a fixed order: threads change no bit.
+
+use nalgebra::{DMatrix, DVector};
+use omniwalk_env::robot::Robot;
+use rayon::prelude::*;
+
+use super::model::Model;
+use super::rollout;
+use super::scales::Scales;
+use super::trial::Trial;
+
+/// Candidates in one rollout: a group of the widest lanes.
+pub const LANES: usize = 16;
+/// Most iterations of a fit.
+const ITERATIONS: usize = 12;
+/// Relative fall of the loss below which a fit has converged.
+const CONVERGED: f64 = 1e-4;
+
+/// The data of a fit: trials with the robot as it was in each, and the weights of their readings.
+#[derive(Clone, Debug)]
+pub struct Data {
+    /// Pieces of logs.
+    pub trials: Vec<Trial>,
+    /// The nominal robot with the overrides of each trial's log.
+    pub robots: Vec<Robot>,
+    /// One a degree of freedom: residuals are multiplied with it.
+    pub weights: Vec<f64>,
+    /// Index of each trial's first block among those of all trials.
+    pub first_block: Vec<usize>,
+    /// Blocks of all trials.
+    pub blocks: usize,
+    /// Physics steps a millisecond.
+    pub finer: usize,
+}
+
+/// Sums over the readings of a block.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Loss {
+    /// Of squared weighted residuals.
+    pub squares: f64,
+    /// Readings.
+    pub count: f64,
+}
+
+/// Gradient and Gauss-Newton curvature of half the squared residuals of a block.
+#[derive(Clone, Debug)]
+pub struct Slope {
+    /// Gradient.
+    pub gradient: DVector<f64>,
+    /// Curvature.
+    pub curvature: DMatrix<f64>,
+}
+
+/// A fitted model.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The model with its values.
+    pub model: Model,
+    /// Loss of every block.
+    pub losses: Vec<Loss>,
+    /// At the solution, by block.
+    pub slopes: Vec<Slope>,
+}
+
+/// Sum of squares over blocks; infinite where a simulation broke.
+pub fn total(losses: &[Loss]) -> f64 {
+    let sum: f64 = losses.iter().map(|loss| loss.squares).sum();
+    if sum.is_finite() { sum } else { f64::INFINITY }
+}
+
+impl Data {
+    /// Trials of `robot`, all weights one.
+    ///
+    /// # Errors
+    /// An override that names nothing.
+    pub fn new(robot: &Robot, trials: Vec<Trial>) -> Result<Self, super::trial::TrialError> {
+        let robots = trials
+            .iter()
+            .map(|trial| trial.robot(robot))
+            .collect::<Result<_, _>>()?;
+        let mut first_block = Vec::with_capacity(trials.len());
+        let mut blocks = 0;
+        for trial in &trials {
+            first_block.push(blocks);
+            blocks += trial.readings.iter().map(|r| r.block + 1).max().unwrap_or(0);
+        }
+        Ok(Self {
+            trials,
+            robots,
+            weights: vec![1.0; robot.dofs.len()],
+            first_block,
+            blocks,
+            finer: 1,
+        })
+    }
+
+    /// Predictions of all `models` for every trial: per trial, entry `reading * models + m`.
+    fn predict(&self, models: &[Model]) -> Vec<Vec<Vec<f64>>> {
+        let tasks: Vec<(usize, &[Model])> = (0..self.trials.len())
+            .flat_map(|t| models.chunks(LANES).map(move |chunk| (t, chunk)))
+            .collect();
+        let run = |&(t, chunk): &(usize, &[Model])| {
+            let robots: Vec<Robot> = chunk.iter().map(|model| model.robot(&self.robots[t])).collect();
+            // An engine that takes the nominal robot takes all of them.
+            rollout::predict(&self.trials[t], &robots, self.finer)
+                .unwrap_or_else(|_| vec![f64::NAN; self.trials[t].readings.len() * chunk.len()])
+        };
+        let parts: Vec<Vec<f64>> = tasks.par_iter().map(run).collect();
+        let mut out: Vec<Vec<Vec<f64>>> = vec![Vec::new(); self.trials.len()];
+        for ((t, _), part) in tasks.iter().zip(parts) {
+            out[*t].push(part);
+        }
+        out
+    }
+
+    /// Losses by block of every model.
+    pub fn losses(&self, models: &[Model]) -> Vec<Vec<Loss>> {
+        let predictions = self.predict(models);
+        let mut losses = vec![vec![Loss::default(); self.blocks]; models.len()];
+        for ((trial, parts), &first) in self.trials.iter().zip(&predictions).zip(&self.first_block) {
+            for (chunk, part) in parts.iter().enumerate() {
+                let width = part.len() / trial.readings.len().max(1);
+                for (i, reading) in trial.readings.iter().enumerate() {
+                    for w in 0..width {
+                        let residual = self.weights[reading.dof] * (part[i * width + w] - reading.position);
+                        let loss = &mut losses[chunk * LANES + w][first + reading.block];
+                        loss.squares += residual * residual;
+                        loss.count += 1.0;
+                    }
+                }
+            }
+        }
+        losses
+    }
+
+    /// Residuals (prediction less measurement, not weighted) of `model` at the readings of every trial.
+    pub fn residuals(&self, model: &Model) -> Vec<Vec<f64>> {
+        let predictions = self.predict(std::slice::from_ref(model));
+        let of_trial = |(trial, parts): (&Trial, &Vec<Vec<f64>>)| {
+            let readings = trial.readings.iter().zip(&parts[0]);
+            readings.map(|(reading, p)| p - reading.position).collect()
+        };
+        self.trials.iter().zip(&predictions).map(of_trial).collect()
+    }
+
+    /// Losses and slopes of `model` by block.
+    pub fn slopes(&self, model: &Model, scales: &Scales) -> (Vec<Loss>, Vec<Slope>) {
+        let (x, free) = (model.get(scales), model.free(scales));
+        let n = x.len();
+        let mut models = vec![model.clone()];
+        let mut steps = Vec::with_capacity(n);
+        for (i, free) in free.iter().enumerate() {
+            let mut moved = x.clone();
+            // Towards the inside where the upper bound is near.
+            let step = if x[i] + free.step > free.upper {
+                -free.step
+            } else {
+                free.step
+            };
+            moved[i] += step;
+            steps.push(step);
+            models.push(model.at(&moved, scales));
+        }
+        let predictions = self.predict(&models);
+        let mut losses = vec![Loss::default(); self.blocks];
+        let zero = Slope {
+            gradient: DVector::zeros(n),
+            curvature: DMatrix::zeros(n, n),
+        };
+        let mut slopes = vec![zero; self.blocks];
+        let mut row = DVector::zeros(n);
+        for ((trial, parts), &first) in self.trials.iter().zip(&predictions).zip(&self.first_block) {
+            let readings = trial.readings.len();
+            let at = |i: usize, m: usize| {
+                let part = &parts[m / LANES];
+                part[i * (part.len() / readings) + m % LANES]
+            };
+            for (i, reading) in trial.readings.iter().enumerate() {
+                let weight = self.weights[reading.dof];
+                let base = at(i, 0);
+                let residual = weight * (base - reading.position);
+                for (j, step) in steps.iter().enumerate() {
+                    let change = at(i, j + 1) - base;
+                    row[j] = if change.is_finite() {
+                        weight * change / step
+                    } else {
+                        0.0
+                    };
+                }
+                let loss = &mut losses[first + reading.block];
+                loss.squares += residual * residual;
+                loss.count += 1.0;
+                let slope = &mut slopes[first + reading.block];
+                slope.gradient.axpy(residual, &row, 1.0);
+                slope.curvature.ger(1.0, &row, &row, 1.0);
+            }
+        }
+        (losses, slopes)
+    }
+
+    /// Fits `model` from its present values over the blocks that `used` names.
+    pub fn fit(&self, model: &Model, scales: &Scales, used: &dyn Fn(usize) -> bool) -> Fit {
+        let mut model = model.clone();
+        let loss_of = |losses: &[Loss]| {
+            let kept: Vec<Loss> = (0..losses.len()).filter(|&b| used(b)).map(|b| losses[b]).collect();
+            total(&kept)
+        };
+        let (mut losses, mut slopes) = self.slopes(&model, scales);
+        let mut damping = 1e-3;
+        for _ in 0..ITERATIONS {
+            let x = model.get(scales);
+            if x.is_empty() {
+                break;
+            }
+            let free = model.free(scales);
+            let (gradient, curvature) = sum(&slopes, used, x.len());
+            let before = loss_of(&losses);
+            // Several strengths of damping side by side cost no more than one.
+            let strengths: Vec<f64> = (0..8).map(|k| damping * 10.0_f64.powi(k - 3)).collect();
+            let trials: Vec<Model> = strengths
+                .iter()
+                .map(|&damping| model.at(&newton(&x, &free, &gradient, &curvature, damping), scales))
+                .collect();
+            let tried = self.losses(&trials);
+            let best = (0..trials.len())
+                .map(|k| (loss_of(&tried[k]), k))
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .unwrap_or((f64::INFINITY, 0));
+            if best.0 >= before {
+                damping *= 1e4;
+                if damping > 1e8 {
+                    break;
+                }
+                continue;
+            }
+            model = trials[best.1].clone();
+            damping = strengths[best.1].clamp(1e-9, 1e6);
+            (losses, slopes) = self.slopes(&model, scales);
+            if before - best.0 < CONVERGED * before {
+                break;
+            }
+        }
+        Fit { model, losses, slopes }
+    }
+}
+
+/// Gradient and curvature over the blocks that `used` names.
+pub fn sum(slopes: &[Slope], used: &dyn Fn(usize) -> bool, n: usize) -> (DVector<f64>, DMatrix<f64>) {
+    let mut gradient = DVector::zeros(n);
+    let mut curvature = DMatrix::zeros(n, n);
+    for (_, slope) in slopes.iter().enumerate().filter(|(b, _)| used(*b)) {
+        gradient += &slope.gradient;
+        curvature += &slope.curvature;
+    }
+    (gradient, curvature)
+}
+
+/// The damped Newton step from `x` within the bounds: numbers that would leave them stay on them and the others are
+/// solved again.
+pub fn newton(
+    x: &[f64],
+    free: &[super::model::Free],
+    gradient: &DVector<f64>,
+    curvature: &DMatrix<f64>,
+    damping: f64,
+) -> Vec<f64> {
+    let n = x.len();
+    let mut held = vec![None; n];
+    for _ in 0..=n {
+        let moving: Vec<usize> = (0..n).filter(|&i| held[i].is_none()).collect();
+        if moving.is_empty() {
+            break;
+        }
+        let fixed: Vec<f64> = (0..n).map(|i| held[i].map_or(0.0, |to: f64| to - x[i])).collect();
+        let m = moving.len();
+        let largest = (0..n).map(|i| curvature[(i, i)]).fold(0.0, f64::max);
+        let matrix = DMatrix::from_fn(m, m, |a, b| {
+            let (i, j) = (moving[a], moving[b]);
+            let extra = if i == j {
+                damping * curvature[(i, i)] + 1e-12 * largest + 1e-300
+            } else {
+                0.0
+            };
+            curvature[(i, j)] + extra
+        });
+        let right = DVector::from_fn(m, |a, _| {
+            let i = moving[a];
+            -gradient[i] - (0..n).map(|j| curvature[(i, j)] * fixed[j]).sum::<f64>()
+        });
+        let Some(factor) = matrix.cholesky() else {
+            return x.to_vec();
+        };
+        let step = factor.solve(&right);
+        let mut left = false;
+        for (a, &i) in moving.iter().enumerate() {
+            let to = x[i] + step[a];
+            if to < free[i].lower || to > free[i].upper {
+                held[i] = Some(to.clamp(free[i].lower, free[i].upper));
+                left = true;
+            }
+        }
+        if !left {
+            let mut out: Vec<f64> = (0..n).map(|i| held[i].unwrap_or(x[i])).collect();
+            moving.iter().enumerate().for_each(|(a, &i)| out[i] += step[a]);
+            return out;
+        }
+    }
+    (0..n).map(|i| held[i].unwrap_or(x[i])).collect()
+}

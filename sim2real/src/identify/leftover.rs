@@ -1,0 +1,229 @@
+//! Noise or structure: the floor no model gets below, and what the residual of a model depends on.
+
+use omniwalk_env::effect::{Kind, Table};
+use omniwalk_env::engine::EngineError;
+
+use super::candidates::Ripples;
+use super::cross::Folds;
+use super::fit::{Data, total};
+use super::model::{Model, Term};
+use super::noise;
+use super::scales::Scales;
+use super::select::{ABOVE_FLOOR, Selection};
+use super::torque::{self, Dependence, Form, Moment};
+
+/// Starts of a ripple's fit.
+const RIPPLES: usize = 3;
+/// Beside accepted effects, structure is more than this share of what the re-tuned model leaves above the floor.
+const SHARE_LEFT: f64 = 0.2;
+/// Beyond so many times the floor's square something is missing even where nothing predicts it.
+const FAR_ABOVE: f64 = 9.0;
+/// A physics step is too coarse when half of it changes more than this share of the residual.
+const COARSE: f64 = 0.1;
+/// Least fall of the loss by a measured table.
+const WORTH: f64 = 0.05;
+
+/// What noise and integration leave, by degree of freedom, rad or m.
+pub struct Floor {
+    /// Noise of the sensors.
+    pub sensor: Vec<f64>,
+    /// What half the physics step changes.
+    pub integration: Vec<f64>,
+    /// Spread of repeats, where there are any.
+    pub repeats: Vec<Option<f64>>,
+    weights: Vec<f64>,
+}
+
+impl Floor {
+    /// The floor under `model`'s residual.
+    ///
+    /// # Errors
+    /// When an engine does not take the robot.
+    pub fn new(data: &Data, model: &Model) -> Result<Self, EngineError> {
+        let dofs = 0..data.weights.len();
+        Ok(Self {
+            sensor: dofs.clone().map(|d| noise::sensor(&data.trials, d)).collect(),
+            integration: noise::discretisation(data, model)?,
+            repeats: dofs.map(|d| noise::repeats(&data.trials, d)).collect(),
+            weights: data.weights.clone(),
+        })
+    }
+
+    /// Of a degree of freedom, rad or m: what repeats show, else noise and integration.
+    pub fn of(&self, d: usize) -> f64 {
+        let own = self.sensor[d].hypot(self.integration[d]);
+        self.repeats[d].map_or(own, |spread| spread.max(own))
+    }
+
+    /// Weighted sum of squares over all readings.
+    pub fn squares(&self, data: &Data) -> f64 {
+        let readings = data.trials.iter().flat_map(|trial| &trial.readings);
+        readings.map(|r| (self.weights[r.dof] * self.of(r.dof)).powi(2)).sum()
+    }
+
+    /// Weighted root mean square over the degrees of freedom.
+    pub fn root(&self) -> f64 {
+        let n = self.weights.len().max(1) as f64;
+        let squares = (0..self.weights.len()).map(|d| (self.weights[d] * self.of(d)).powi(2));
+        (squares.sum::<f64>() / n).sqrt()
+    }
+}
+
+/// One over the root mean square residual of each degree of freedom under `model`.
+pub fn weights(data: &Data, model: &Model) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0_f64); data.weights.len()];
+    for (trial, residuals) in data.trials.iter().zip(data.residuals(model)) {
+        for (reading, r) in trial.readings.iter().zip(residuals).filter(|(_, r)| r.is_finite()) {
+            sums[reading.dof].0 += r * r;
+            sums[reading.dof].1 += 1.0;
+        }
+    }
+    let weight = |(squares, count): (f64, f64)| if squares > 0.0 { (count / squares).sqrt() } else { 1.0 };
+    sums.into_iter().map(weight).collect()
+}
+
+/// Whether half the physics step changes any joint's readings by a good part of what `model` leaves: what is then fitted
+/// would be the integrator.
+///
+/// # Errors
+/// When an engine does not take the robot.
+pub fn is_coarse(data: &Data, model: &Model) -> Result<bool, EngineError> {
+    let left = weights(data, model);
+    let changes = noise::discretisation(data, model)?;
+    Ok(changes
+        .iter()
+        .zip(left)
+        .any(|(change, weight)| change * weight > COARSE))
+}
+
+/// Weighted root mean square residual.
+pub fn root(data: &Data, model: &Model) -> f64 {
+    let losses = &data.losses(std::slice::from_ref(model))[0];
+    (total(losses) / losses.iter().map(|l| l.count).sum::<f64>().max(1.0)).sqrt()
+}
+
+/// Frequencies at which what `model` lacks repeats over position.
+pub fn ripples(data: &Data, model: &Model, scales: &Scales) -> Ripples {
+    let Ok(moments) = torque::lacking(data, model, scales) else {
+        return vec![Vec::new(); data.weights.len()];
+    };
+    let of = |(d, own): (usize, &Vec<Moment>)| torque::ripples(own, scales.joints[d].position, RIPPLES);
+    moments.iter().enumerate().map(of).collect()
+}
+
+/// What is left of one joint's torque.
+pub struct Left {
+    /// Degree of freedom.
+    pub dof: usize,
+    /// The torque over time.
+    pub moments: Vec<Moment>,
+    /// Names of what it may depend on.
+    pub names: Vec<String>,
+    /// What it depends on, in order.
+    pub depends_on: Vec<Dependence>,
+    /// A table of it, where simulations can have one and it helps.
+    pub table: Option<Table>,
+}
+
+/// What the last model leaves.
+pub struct Leftover {
+    /// Every joint.
+    pub joints: Vec<Left>,
+    /// Whether that is structure.
+    pub structured: bool,
+    /// Share of the re-tuned model's loss above the floor that is left.
+    pub fraction: f64,
+    /// Autocorrelation of the residual over 0.1 s, by degree of freedom.
+    pub autocorrelation: Vec<f64>,
+    /// The last model with the tables.
+    pub model: Model,
+}
+
+/// Examines what the last model leaves.
+///
+/// # Errors
+/// When an engine does not take the robot.
+pub fn leftover(
+    data: &Data,
+    selection: &Selection,
+    scales: &Scales,
+    folds: &Folds,
+    floor: &Floor,
+) -> Result<Leftover, EngineError> {
+    let model = &selection.last.model;
+    let (refit, last) = (total(&selection.refit_cross), total(&selection.cross));
+    let floor = floor.squares(data);
+    let fraction = ((last - floor) / (refit - floor).max(1e-12 * refit)).clamp(0.0, 1.0);
+    let remains = last > ABOVE_FLOOR * floor && (model.terms.is_empty() || fraction > SHARE_LEFT);
+    let fold = |block: usize| folds.of_block[block];
+    let mut joints = Vec::new();
+    for (dof, moments) in torque::lacking(data, model, scales)?.into_iter().enumerate() {
+        joints.push(Left {
+            dof,
+            depends_on: torque::dependence(&moments, &fold, folds.count),
+            names: torque::names(&data.trials[0], dof),
+            moments,
+            table: None,
+        });
+    }
+    let mut with = model.clone();
+    if remains {
+        add_tables(data, &mut with, &mut joints);
+    }
+    let predicted = joints.iter().any(|left| !left.depends_on.is_empty());
+    Ok(Leftover {
+        structured: remains && (predicted || last > FAR_ABOVE * floor),
+        fraction: if last > 0.0 {
+            ((last - floor) / last).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+        .min(fraction.max(0.0)),
+        autocorrelation: autocorrelations(data, model),
+        joints,
+        model: with,
+    })
+}
+
+/// Gives every joint whose torque depends on what simulations know a table of it, where that helps the rollouts.
+fn add_tables(data: &Data, model: &mut Model, joints: &mut [Left]) {
+    for left in joints {
+        let Some(leading) = left.depends_on.iter().find(|d| d.form == Form::Plain) else {
+            continue;
+        };
+        let Some(table) = torque::table(&left.moments, leading) else {
+            continue;
+        };
+        let mut with = model.clone();
+        with.terms.push(Term {
+            kind: Kind::ResidualTorque,
+            target: left.dof,
+            values: Vec::new(),
+            free: Vec::new(),
+            table: Some(table.clone()),
+            held: false,
+        });
+        let losses = data.losses(&[model.clone(), with.clone()]);
+        if total(&losses[1]) < (1.0 - WORTH) * total(&losses[0]) {
+            left.table = Some(table);
+            *model = with;
+        }
+    }
+}
+
+fn autocorrelations(data: &Data, model: &Model) -> Vec<f64> {
+    let residuals = data.residuals(model);
+    let of = |d: usize| {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (trial, own) in data.trials.iter().zip(&residuals) {
+            let readings = trial.readings.iter().zip(own).filter(|(r, _)| r.dof == d);
+            let values: Vec<f64> = readings.map(|(_, r)| *r).collect();
+            let rate = values.len() as f64 / (trial.steps as f64 * super::trial::DT).max(1e-9);
+            let lag = ((0.1 * rate).round() as usize).max(1);
+            sum += torque::autocorrelation(&values, lag) * values.len() as f64;
+            weight += values.len() as f64;
+        }
+        sum / f64::max(weight, 1.0)
+    };
+    (0..data.weights.len()).map(of).collect()
+}

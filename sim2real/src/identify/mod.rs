@@ -1,0 +1,247 @@
+//! From logs and a nominal robot to the effects the model lacks: `omniwalk identify`.
+//!
+//! ```text
+//! Recording --trial--> commands and readings --rollout--> predictions --fit--> parameters
+//!     nominal --refit--> re-tuned --select, cross--> + effects --torque--> what is left, and what it depends on
+//! ```
+//!
+//! The logs that are held out are asked for after the last choice was made: [`run`] takes a function that opens them.
+
+mod candidates;
+mod cross;
+mod fit;
+mod interval;
+mod leftover;
+mod measure;
+mod model;
+mod noise;
+mod outcome;
+mod own;
+mod report;
+mod rollout;
+mod scales;
+mod select;
+mod split;
+mod torque;
+mod trial;
+mod write;
+
+pub use measure::{Errors, Measure, measure};
+pub use report::{Accepted, Outcome, Parameter, Rejected, Sets, Verdict};
+pub use scales::{JointScale, Scales};
+pub use torque::{Moment, lacking, names};
+pub use trial::{DT, Trial, TrialError};
+
+use std::collections::BTreeMap;
+
+use omniwalk_env::engine::EngineError;
+use omniwalk_env::robot::{Base, Robot, RobotError};
+
+use crate::recording::{Recording, RecordingError};
+use cross::Folds;
+use fit::Data;
+use leftover::Floor;
+use model::Model;
+use select::{Selection, Selector};
+
+/// Why nothing could be identified.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum IdentifyError {
+    /// Logs and robot do not fit together.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Trial(#[from] TrialError),
+    /// An engine does not take the robot.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The robot with the effects could not be read again.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Robot(#[from] RobotError),
+    /// The logs that are held out could not be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Recording(#[from] RecordingError),
+    /// A file could not be written.
+    #[error("{path}: {source}")]
+    Write {
+        /// The file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The robot walks freely.
+    #[error("robot `{robot}` has a floating base: identification works on rigs, arms and robots on a stand")]
+    #[diagnostic(help("set base = \"fixed\" in the robot's TOML for logs from a stand"))]
+    Floating {
+        /// The robot.
+        robot: String,
+    },
+}
+
+/// Physics steps a millisecond where one is too coarse.
+const FINER: usize = 4;
+
+/// Opens the logs that are held out.
+pub type Open<'a> = &'a dyn Fn() -> Result<Vec<Recording>, RecordingError>;
+
+/// What to identify, and where it goes.
+pub struct Task<'a> {
+    /// The nominal robot.
+    pub robot: &'a Robot,
+    /// Its files: the URDF, and the TOML if there is one.
+    pub files: (std::path::PathBuf, Option<std::path::PathBuf>),
+    /// Logs to fit.
+    pub logs: Vec<Recording>,
+    /// Logs that are held out, opened after the last choice; `None` to set some of `logs` aside.
+    pub heldout: Option<Open<'a>>,
+    /// Whether every effect at once is fitted too, to compare with.
+    pub compare: bool,
+    /// Folder for the robot with its effects.
+    pub out: &'a std::path::Path,
+}
+
+/// How far a simulation is from logs.
+pub struct Replay {
+    /// In measured quantities.
+    pub measure: Measure,
+    /// Root mean square of the torque that the simulation lacks to follow the logs, by joint, N m or N.
+    pub torque: BTreeMap<String, f64>,
+}
+
+/// Runs the logged commands through `robot`'s simulation and compares with the readings.
+///
+/// # Errors
+/// [`IdentifyError`] when logs and robot do not fit together.
+pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError> {
+    fixed(robot)?;
+    let trials = split::all(robot, logs)?;
+    let scales = Scales::new(robot, &trials);
+    let measure = measure(robot, &trials, 1)?;
+    let data = Data::new(robot, trials)?;
+    let root = |moments: &Vec<Moment>| {
+        let squares: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
+        (squares / moments.len().max(1) as f64).sqrt()
+    };
+    let lacking = lacking(&data, &Model::default(), &scales)?;
+    let torque = lacking
+        .iter()
+        .enumerate()
+        .map(|(d, own)| (robot.dof(d).name.clone(), root(own)));
+    Ok(Replay {
+        torque: torque.collect(),
+        measure,
+    })
+}
+
+/// Refuses a robot that walks freely.
+fn fixed(robot: &Robot) -> Result<(), IdentifyError> {
+    if robot.base == Base::Fixed {
+        return Ok(());
+    }
+    Err(IdentifyError::Floating {
+        robot: robot.name.clone(),
+    })
+}
+
+/// Identifies the effects that the robot's model lacks; `log` hears of progress.
+///
+/// # Errors
+/// [`IdentifyError`]. Logs that cannot carry an answer are no error: the verdict says so.
+pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError> {
+    let robot = task.robot;
+    fixed(robot)?;
+    let split = split::split(robot, &task.logs, task.heldout.is_some())?;
+    let reasons = split::insufficient(robot, &split.fit);
+    if !reasons.is_empty() {
+        return Ok(Outcome::insufficient(robot, reasons));
+    }
+    let scales = Scales::new(robot, &split.fit);
+    let mut data = Data::new(robot, split.fit.clone())?;
+    let folds = Folds::new(&data);
+    let mut choice = choose(robot, &mut data, &scales, &folds, log)?;
+    if data.finer == 1 && leftover::is_coarse(&data, &choice.selection.last.model)? {
+        log("the physics step is too coarse for what was found: again with a finer one");
+        data.finer = FINER;
+        choice = choose(robot, &mut data, &scales, &folds, log)?;
+    }
+    let Choice { selection, floor } = choice;
+    let all_at_once = task.compare.then(|| {
+        let ripples = |model: &Model| leftover::ripples(&data, model, &scales);
+        let selector = Selector {
+            robot,
+            data: &data,
+            scales: &scales,
+            folds: &folds,
+            floor: floor.squares(&data),
+        };
+        selector.all_at_once(&selection.refit.model, &ripples)
+    });
+    let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
+    let intervals = interval::intervals(&selection.last, &folds, &scales);
+    // The last choice is made: what was held out may be opened.
+    let heldout = match task.heldout {
+        Some(open) => split::all(robot, &open()?)?,
+        None => split.heldout.clone(),
+    };
+    let with = write::extended(task, &selection, &left, &intervals)?;
+    let corrected = omniwalk_env::robot::load(&with)?;
+    outcome::outcome(
+        outcome::Parts {
+            robot,
+            corrected: &corrected,
+            data: &data,
+            scales: &scales,
+            folds: &folds,
+            floor: &floor,
+            selection: &selection,
+            left: &left,
+            intervals: &intervals,
+            all_at_once: all_at_once.as_ref(),
+            split: &split,
+        },
+        heldout,
+    )
+}
+
+/// What was chosen at a physics step.
+struct Choice {
+    selection: Selection,
+    floor: Floor,
+}
+
+/// Re-tunes the nominal model, then takes the effects that help; the physics step becomes finer where the re-tuned model
+/// already asks for it.
+fn choose(
+    robot: &Robot,
+    data: &mut Data,
+    scales: &Scales,
+    folds: &Folds,
+    log: &dyn Fn(&str),
+) -> Result<Choice, EngineError> {
+    let nominal = Model::nominal(robot, &data.trials);
+    // Joints that are measured well count as much as those that are not: each in units of what the re-tuned model leaves.
+    data.weights = leftover::weights(data, &nominal);
+    let mut tuned = data.fit(&nominal, scales, &|_| true).model;
+    if data.finer == 1 && leftover::is_coarse(data, &tuned)? {
+        data.finer = FINER;
+        tuned = data.fit(&nominal, scales, &|_| true).model;
+    }
+    data.weights = leftover::weights(data, &tuned);
+    let floor = Floor::new(data, &tuned)?;
+    log(&format!(
+        "re-tuned: {:.5} of the readings' scale; floor {:.5}",
+        leftover::root(data, &tuned),
+        floor.root()
+    ));
+    let selector = Selector {
+        robot,
+        data,
+        scales,
+        folds,
+        floor: floor.squares(data),
+    };
+    let ripples = |model: &Model| leftover::ripples(data, model, scales);
+    let selection = selector.run(&tuned, &ripples, log);
+    Ok(Choice { selection, floor })
+}

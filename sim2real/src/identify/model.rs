@@ -1,0 +1,216 @@
+//! What is fitted: the nominal robot's own parameters, and effects beside them, as one list of scaled numbers.
+
+use omniwalk_env::effect::{self, Effect, Kind, Scale, Site, Table};
+use omniwalk_env::robot::Robot;
+
+use super::own::Own;
+use super::scales::Scales;
+use super::trial::Trial;
+
+/// A parameter of the nominal model with its value.
+#[derive(Clone, Debug)]
+pub struct Tuned {
+    /// Degree of freedom.
+    pub dof: usize,
+    /// Which.
+    pub own: Own,
+    /// The nominal value, which is also its scale.
+    pub nominal: f64,
+    /// Its value.
+    pub value: f64,
+    /// Whether it is held while others are fitted.
+    pub held: bool,
+}
+
+/// An effect with the values that are fitted.
+#[derive(Clone, Debug)]
+pub struct Term {
+    /// The model.
+    pub kind: Kind,
+    /// Degree of freedom or link.
+    pub target: usize,
+    /// All values, in the catalogue's order.
+    pub values: Vec<f64>,
+    /// Which of them are fitted.
+    pub free: Vec<usize>,
+    /// The table of a residual torque.
+    pub table: Option<Table>,
+    /// Whether it is held while others are fitted.
+    pub held: bool,
+}
+
+impl Term {
+    /// The effect with its present values.
+    pub fn effect(&self) -> Effect {
+        Effect {
+            kind: self.kind,
+            target: self.target,
+            values: self.values.clone(),
+            table: self.table.clone(),
+        }
+    }
+}
+
+/// A model of a robot: nominal parameters and effects.
+#[derive(Clone, Debug, Default)]
+pub struct Model {
+    /// The nominal model's own parameters.
+    pub tuned: Vec<Tuned>,
+    /// Effects.
+    pub terms: Vec<Term>,
+}
+
+/// A fitted number: value = x times scale.
+#[derive(Clone, Copy, Debug)]
+pub struct Free {
+    /// Scale.
+    pub scale: f64,
+    /// Smallest x.
+    pub lower: f64,
+    /// Largest x.
+    pub upper: f64,
+    /// Step of finite differences in x.
+    pub step: f64,
+}
+
+impl Model {
+    /// The nominal model with every parameter it has.
+    pub fn nominal(robot: &Robot, trials: &[Trial]) -> Self {
+        let mut robot = robot.clone();
+        let mut tuned = Vec::new();
+        for d in 0..robot.dofs.len() {
+            let joint = robot.dofs[d];
+            let efforts = trials.iter().all(|trial| trial.told[d].effort);
+            for own in Own::ALL {
+                // Gains mean nothing where torques are commanded.
+                if efforts && matches!(own, Own::KpScale | Own::Kd) {
+                    continue;
+                }
+                match own.of(&mut robot.joints[joint]) {
+                    Some(value) if *value > 0.0 && *value < 1e6 => tuned.push(Tuned {
+                        dof: d,
+                        own,
+                        nominal: *value,
+                        value: *value,
+                        held: false,
+                    }),
+                    _ => {}
+                }
+            }
+        }
+        Self {
+            tuned,
+            terms: Vec::new(),
+        }
+    }
+
+    /// The fitted numbers in their order.
+    pub fn free(&self, scales: &Scales) -> Vec<Free> {
+        let own = self.tuned.iter().filter(|tuned| !tuned.held).map(|tuned| Free {
+            scale: tuned.nominal,
+            lower: if tuned.own == Own::Friction || tuned.own == Own::Damping {
+                0.0
+            } else {
+                0.02
+            },
+            upper: 50.0,
+            step: 2e-3 * (tuned.value / tuned.nominal).max(0.05),
+        });
+        let effects = self.terms.iter().filter(|term| !term.held).flat_map(|term| {
+            let info = term.kind.info();
+            term.free.iter().map(move |&i| {
+                let parameter = &info.parameters[i];
+                let scale = scales.of(parameter.scale, info.site, term.target);
+                let typical = match parameter.scale {
+                    Scale::Time => 0.01,
+                    _ => parameter.starts.iter().fold(0.02, |a: f64, s| a.max(s.abs())),
+                };
+                let near = (term.values[i] / scale).abs();
+                let mut lower = parameter.bounds.lower / scale;
+                // Speeds, limits and frequencies of zero are no machine's.
+                if parameter.neutral.is_none() {
+                    lower = lower.max(1e-3);
+                }
+                Free {
+                    scale,
+                    lower,
+                    upper: parameter.bounds.upper / scale,
+                    step: 5e-3 * near.max(0.1 * typical),
+                }
+            })
+        });
+        own.chain(effects).collect()
+    }
+
+    /// The fitted numbers, scaled.
+    pub fn get(&self, scales: &Scales) -> Vec<f64> {
+        let own = self.tuned.iter().filter(|tuned| !tuned.held).map(|tuned| tuned.value);
+        let terms = self.terms.iter().filter(|term| !term.held);
+        let effects = terms.flat_map(|term| term.free.iter().map(|&i| term.values[i]));
+        let values = own.chain(effects);
+        values
+            .zip(self.free(scales))
+            .map(|(value, free)| value / free.scale)
+            .collect()
+    }
+
+    /// Sets the fitted numbers.
+    pub fn set(&mut self, x: &[f64], scales: &Scales) {
+        let free = self.free(scales);
+        let mut values = x.iter().zip(&free).map(|(x, free)| x * free.scale);
+        for tuned in self.tuned.iter_mut().filter(|tuned| !tuned.held) {
+            tuned.value = values.next().unwrap_or(tuned.value);
+        }
+        for term in self.terms.iter_mut().filter(|term| !term.held) {
+            for &i in &term.free {
+                term.values[i] = values.next().unwrap_or(term.values[i]);
+            }
+        }
+    }
+
+    /// With the numbers `x`.
+    pub fn at(&self, x: &[f64], scales: &Scales) -> Self {
+        let mut model = self.clone();
+        model.set(x, scales);
+        model
+    }
+
+    /// `robot` (as it was in a log) with this model's parameters and effects.
+    pub fn robot(&self, robot: &Robot) -> Robot {
+        let mut robot = robot.clone();
+        for tuned in &self.tuned {
+            let joint = robot.dofs[tuned.dof];
+            if let Some(value) = tuned.own.of(&mut robot.joints[joint]) {
+                *value = tuned.value;
+            }
+        }
+        for term in &self.terms {
+            effect::apply(&mut robot, &term.effect());
+        }
+        robot
+    }
+
+    /// Holds everything that is not on degree of freedom `dof` or the link it moves; nothing when `None`.
+    pub fn hold_others(&mut self, robot: &Robot, dof: Option<usize>) {
+        for tuned in &mut self.tuned {
+            tuned.held = dof.is_some_and(|dof| dof != tuned.dof);
+        }
+        for term in &mut self.terms {
+            let own = joint_of(robot, term.kind.info().site, term.target);
+            term.held = dof.is_some_and(|dof| own != Some(dof));
+        }
+    }
+
+    /// Whether the effect `kind` on `target` is among the terms.
+    pub fn has(&self, kind: Kind, target: usize) -> bool {
+        self.terms.iter().any(|term| (term.kind, term.target) == (kind, target))
+    }
+}
+
+/// The degree of freedom of an effect's target: the joint, or the joint that carries the link.
+pub fn joint_of(robot: &Robot, site: Site, target: usize) -> Option<usize> {
+    match site {
+        Site::Joint => Some(target),
+        Site::Link => target.checked_sub(1).map(|joint| robot.drivers()[joint].0),
+    }
+}

@@ -1,0 +1,173 @@
+//! What `report.json` holds, beside what only the page shows.
+
+use std::collections::BTreeMap;
+
+use omniwalk_env::robot::Robot;
+use serde::Serialize;
+
+use super::measure::Measure;
+use super::trial::Trial;
+
+/// What the logs say about the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Effects were missing and were found.
+    Explained,
+    /// Nothing is missing beyond other values of what the model has.
+    NoMissingEffect,
+    /// Something is missing that several effects explain equally well.
+    Indistinguishable,
+    /// Something is missing that is no effect of the library.
+    Unexplained,
+    /// The logs cannot carry an answer.
+    InsufficientData,
+}
+
+/// A fitted number.
+#[derive(Clone, Debug, Serialize)]
+pub struct Parameter {
+    /// Its value, SI units.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+    /// 95 % interval; none where the logs cannot tell.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// An effect that was taken.
+#[derive(Clone, Debug, Serialize)]
+pub struct Accepted {
+    /// Its id.
+    pub effect: &'static str,
+    /// Joint or link.
+    pub target: String,
+    /// By name.
+    pub parameters: BTreeMap<&'static str, Parameter>,
+    /// Error on held-out logs of the model without it, the rest fitted again, rad or m.
+    pub heldout_rmse_before: f64,
+    /// The same with it.
+    pub heldout_rmse_after: f64,
+    /// Probability of its gain by chance, corrected for the number of effects tried.
+    pub p_value: f64,
+}
+
+/// An effect that was not taken.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rejected {
+    /// Its id.
+    pub effect: &'static str,
+    /// Joint or link.
+    pub target: String,
+    /// Why not.
+    pub reason: String,
+}
+
+/// Errors on both sets of logs.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Sets {
+    /// Logs that were fitted.
+    pub fit: Measure,
+    /// Logs that were held out.
+    pub heldout: Measure,
+}
+
+/// What no model gets below.
+#[derive(Clone, Debug, Serialize)]
+pub struct NoiseFloor {
+    /// rad or m.
+    pub value: Option<f64>,
+    /// `repeats`, `sensor` or `none`.
+    pub source: &'static str,
+}
+
+/// What is left.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Unexplained {
+    /// Share of the last model's mean square that noise does not explain.
+    pub fraction: f64,
+    /// What it depends on, in order.
+    pub depends_on: Vec<String>,
+    /// Autocorrelation of the residual over 0.1 s, by joint.
+    pub autocorrelation: BTreeMap<String, f64>,
+}
+
+/// Everything.
+#[derive(Debug, Serialize)]
+pub struct Outcome {
+    /// The robot.
+    pub robot: String,
+    /// The answer.
+    pub verdict: Verdict,
+    /// Why there is none, if so.
+    pub reasons: Vec<String>,
+    /// The robot as given.
+    pub nominal: Sets,
+    /// Its own parameters re-tuned.
+    pub refit: Sets,
+    /// The robot that was written, read again.
+    #[serde(rename = "final")]
+    pub last: Sets,
+    /// Every effect of the catalogue fitted at once, where that was asked for: what is compared with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub all_effects: Option<Sets>,
+    /// What no model gets below.
+    pub noise_floor: NoiseFloor,
+    /// Share of the re-tuned model's held-out error above the floor that is gone.
+    pub gap_closed: Option<f64>,
+    /// Effects taken.
+    pub accepted: Vec<Accepted>,
+    /// Effects tried and not taken.
+    pub rejected: Vec<Rejected>,
+    /// Sets of effects that these logs cannot tell apart.
+    pub indistinguishable: Vec<Vec<String>>,
+    /// What is left.
+    pub unexplained: Unexplained,
+    /// Re-tuned parameters of the nominal model, by joint and key.
+    pub retuned: BTreeMap<String, BTreeMap<&'static str, Parameter>>,
+    /// Which logs were held out.
+    pub heldout: String,
+    /// What the folds of the cross-validation are.
+    pub folds: String,
+    /// Effects tried in a step.
+    pub tried: usize,
+    /// Physics steps a second of the rollouts.
+    pub physics_hz: f64,
+    /// Pieces of the logs that were fitted, then of those held out.
+    #[serde(skip)]
+    pub trials: [Vec<Trial>; 2],
+    /// Torque that the last model lacks, by joint.
+    #[serde(skip)]
+    pub torque: Vec<(String, Vec<super::Moment>)>,
+}
+
+impl Outcome {
+    /// No answer, for `reasons`.
+    pub fn insufficient(robot: &Robot, reasons: Vec<String>) -> Self {
+        Self {
+            robot: robot.name.clone(),
+            verdict: Verdict::InsufficientData,
+            reasons,
+            nominal: Sets::default(),
+            refit: Sets::default(),
+            last: Sets::default(),
+            all_effects: None,
+            noise_floor: NoiseFloor {
+                value: None,
+                source: "none",
+            },
+            gap_closed: None,
+            accepted: Vec::new(),
+            rejected: Vec::new(),
+            indistinguishable: Vec::new(),
+            unexplained: Unexplained::default(),
+            retuned: BTreeMap::new(),
+            heldout: String::new(),
+            folds: String::new(),
+            tried: 0,
+            physics_hz: 1.0 / super::DT,
+            trials: [Vec::new(), Vec::new()],
+            torque: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! The residual as generalised torque: what a simulation lacks to follow the measurement, and what that depends on.
+//!
+//! A weak, critically damped spring pulls each joint of the simulation along the measured motion. What it has to pull
+//! with, over time, is the torque the model lacks, slower than the spring's own time.
+
+use omniwalk_env::effect::{Table, Variable};
+use omniwalk_env::engine::{Engine, EngineError};
+
+use super::fit::Data;
+use super::model::Model;
+use super::rollout::Rollout;
+use super::scales::Scales;
+use super::trial::{DT, Trial};
+
+/// Angular frequency of the spring, rad/s.
+const FOLLOW: f64 = 40.0;
+/// Steps between samples of the torque.
+const EVERY: usize = 10;
+/// Time over which the measured velocity is taken, steps.
+const SLOPE: usize = 12;
+/// Time at the start that is not compared, s.
+const SETTLE: f64 = 0.25;
+
+/// A moment of a trial: the torque that one joint lacks, and everything it may depend on.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    /// Log it is from.
+    pub log: usize,
+    /// Block of time, over all trials.
+    pub block: usize,
+    /// Torque the model lacks, N m or N.
+    pub torque: f64,
+    /// Values of [`names`].
+    pub values: Vec<f64>,
+}
+
+/// What the torque may depend on, in the order of [`Moment::values`].
+pub fn names(trial: &Trial, dof: usize) -> Vec<String> {
+    let own = ["position", "velocity", "target", "torque", "acceleration", "time"].map(str::to_owned);
+    let more = trial
+        .conditions
+        .iter()
+        .filter(|(joint, _, _)| joint.is_none_or(|d| d == dof));
+    own.into_iter().chain(more.map(|(_, name, _)| name.clone())).collect()
+}
+
+/// The torque that every joint of `model` lacks in every trial, one list of moments a degree of freedom.
+///
+/// # Errors
+/// When an engine does not take the robot.
+pub fn lacking(data: &Data, model: &Model, scales: &Scales) -> Result<Vec<Vec<Moment>>, EngineError> {
+    let dofs = data.weights.len();
+    let mut out = vec![Vec::new(); dofs];
+    for (t, trial) in data.trials.iter().enumerate() {
+        let robot = [model.robot(&data.robots[t])];
+        let mut rollout = Rollout::new(trial, &robot, DT)?;
+        let mut readings = vec![0.0; dofs];
+        let mut pulled = vec![0.0; dofs];
+        let mut before = vec![0.0; dofs];
+        let begin = trial.readings.first().map_or(0.0, |first| first.at);
+        for step in 0..trial.steps {
+            rollout.command(step);
+            rollout.read(&mut readings);
+            for d in 0..dofs {
+                let measured = &trial.measured[d];
+                let (a, b) = (step.saturating_sub(SLOPE), (step + SLOPE).min(trial.steps));
+                let velocity = (measured[b] - measured[a]) / ((b - a) as f64 * DT);
+                let inertia = scales.joints[d].inertia;
+                let (engine, actuators) = rollout.parts();
+                let moving = engine.joints().velocity[d];
+                let spring = inertia * FOLLOW * FOLLOW * (measured[step] - readings[d]);
+                let torque = spring + 2.0 * inertia * FOLLOW * (velocity - moving);
+                actuators.set_outside(d, 0, torque);
+                pulled[d] += torque;
+                if step % EVERY == EVERY - 1 {
+                    let share = pulled[d] / EVERY as f64;
+                    pulled[d] = 0.0;
+                    if step as f64 * DT > SETTLE && step as f64 >= begin {
+                        let motor = actuators.motor_torque(d, 0, engine.joints());
+                        let own = [
+                            engine.joints().position[d],
+                            moving,
+                            trial.told[d].command[step],
+                            motor,
+                            (moving - before[d]) / (EVERY as f64 * DT),
+                            trial.start + step as f64 * DT,
+                        ];
+                        let more = trial
+                            .conditions
+                            .iter()
+                            .filter(|(joint, _, _)| joint.is_none_or(|j| j == d));
+                        out[d].push(Moment {
+                            log: trial.log,
+                            block: data.first_block[t] + block_of(trial, step as f64),
+                            torque: share,
+                            values: own.into_iter().chain(more.map(|(_, _, at)| at[step])).collect(),
+                        });
+                    }
+                    before[d] = moving;
+                }
+            }
+            rollout.advance();
+        }
+    }
+    Ok(out)
+}
+
+/// The trial's block that holds a step: that of the reading before it.
+fn block_of(trial: &Trial, step: f64) -> usize {
+    let next = trial.readings.partition_point(|reading| reading.at <= step);
+    trial
+        .readings
+        .get(next.saturating_sub(1))
+        .map_or(0, |reading| reading.block)
+}
+
+/// Frequencies (cycles per rad or m) at which the torque that is lacking repeats over position, the strongest first: a
+/// straight search, as a ripple has no slope that would lead to its frequency from afar.
+pub fn ripples(moments: &[Moment], range: f64, count: usize) -> Vec<f64> {
+    let mean = moments.iter().map(|m| m.torque).sum::<f64>() / moments.len().max(1) as f64;
+    // From one and a half cycles over the range: slower ones are slopes. Up to what readings can resolve.
+    let highest = 200.0;
+    let power = |cycles: f64| {
+        let (mut s, mut c) = (0.0, 0.0);
+        for moment in moments {
+            let (sin, cos) = (std::f64::consts::TAU * cycles / range * moment.values[0]).sin_cos();
+            s += (moment.torque - mean) * sin;
+            c += (moment.torque - mean) * cos;
+        }
+        s * s + c * c
+    };
+    let grid: Vec<f64> = (0..)
+        .map(|k| 1.5 + 0.25 * f64::from(k))
+        .take_while(|&f| f < highest)
+        .collect();
+    let powers: Vec<f64> = grid.iter().map(|&f| power(f)).collect();
+    let mut peaks: Vec<usize> = (1..grid.len().saturating_sub(1))
+        .filter(|&i| powers[i] >= powers[i - 1] && powers[i] > powers[i + 1])
+        .collect();
+    peaks.sort_by(|&a, &b| powers[b].total_cmp(&powers[a]));
+    peaks.iter().take(count).map(|&i| grid[i] / range).collect()
+}
+
+/// How the torque goes with one variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A function of it.
+    Plain,
+    /// A function of it against the direction of motion: friction that varies.
+    Friction,
+}
+
+/// What predicts the torque that is lacking.
+#[derive(Clone, Debug)]
+pub struct Dependence {
+    /// Index of the variable in [`names`].
+    pub variable: usize,
+    /// How.
+    pub form: Form,
+    /// Share of the torque's square that it predicts on data left out, beside what was there before.
+    pub gain: f64,
+}
+
+/// Points of a function's grid.
+const KNOTS: usize = 12;
+/// Least share of the square that a variable must predict to be named.
+const LEAST: f64 = 0.05;
+
+/// The variables that predict the torque, in order, by how well piecewise linear functions of them predict blocks they
+/// were not fitted to. `fold` gives the fold of a block.
+pub fn dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
+    if moments.len() < 200 {
+        return Vec::new();
+    }
+    let variables = moments[0].values.len();
+    let whole: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
+    let mut left: Vec<f64> = moments.iter().map(|m| m.torque).collect();
+    let mut found: Vec<Dependence> = Vec::new();
+    let mut explained = 0.0;
+    for _ in 0..3 {
+        let mut best: Option<(Dependence, Vec<f64>)> = None;
+        for variable in 0..variables {
+            for form in [Form::Plain, Form::Friction] {
+                if form == Form::Friction && variable == 1
+                    || found.iter().any(|f| f.variable == variable && f.form == form)
+                {
+                    continue;
+                }
+                let predicted = predict(moments, &left, variable, form, fold, folds);
+                let rest: f64 = left.iter().zip(&predicted).map(|(a, b)| (a - b).powi(2)).sum();
+                let gain = 1.0 - explained - rest / whole;
+                if best.as_ref().is_none_or(|(old, _)| gain > old.gain) {
+                    best = Some((Dependence { variable, form, gain }, predicted));
+                }
+            }
+        }
+        let Some((best, predicted)) = best.filter(|(best, _)| best.gain > LEAST) else {
+            break;
+        };
+        left.iter_mut().zip(&predicted).for_each(|(a, b)| *a -= b);
+        explained += best.gain;
+        found.push(best);
+    }
+    found
+}
+
+/// Predictions of `left` by a piecewise linear function of one variable, each block by the function fitted without its fold.
+fn predict(
+    moments: &[Moment],
+    left: &[f64],
+    variable: usize,
+    form: Form,
+    fold: &dyn Fn(usize) -> usize,
+    folds: usize,
+) -> Vec<f64> {
+    let knots = knots(moments, variable);
+    if knots.len() < 2 {
+        return vec![0.0; left.len()];
+    }
+    let speeds: Vec<f64> = moments.iter().map(|m| m.values[1].abs()).collect();
+    let slow = 0.02 * speeds.iter().copied().fold(0.0, f64::max) + 1e-12;
+    let factor = |m: &Moment| match form {
+        Form::Plain => 1.0,
+        Form::Friction => (m.values[1] / slow).tanh(),
+    };
+    let weights: Vec<(usize, f64, f64)> = moments
+        .iter()
+        .map(|m| {
+            let (i, s) = cell(&knots, m.values[variable]);
+            (i, s, factor(m))
+        })
+        .collect();
+    let mut out = vec![0.0; left.len()];
+    for own in 0..folds {
+        let train = (0..left.len()).filter(|&k| fold(moments[k].block) != own);
+        let values = least_squares(knots.len(), train.map(|k| (weights[k], left[k])));
+        for k in (0..left.len()).filter(|&k| fold(moments[k].block) == own) {
+            let (i, s, f) = weights[k];
+            out[k] = f * (values[i] + s * (values[i + 1] - values[i]));
+        }
+    }
+    out
+}
+
+/// Grid of a variable: quantiles of its values.
+fn knots(moments: &[Moment], variable: usize) -> Vec<f64> {
+    let mut values: Vec<f64> = moments.iter().map(|m| m.values[variable]).collect();
+    values.sort_by(f64::total_cmp);
+    let last = values.len() - 1;
+    let mut knots: Vec<f64> = (0..KNOTS).map(|k| values[k * last / (KNOTS - 1)]).collect();
+    let apart = 1e-6 * (values[last] - values[0]).abs() + 1e-12;
+    knots.dedup_by(|a, b| (*a - *b).abs() <= apart);
+    knots
+}
+
+fn cell(knots: &[f64], x: f64) -> (usize, f64) {
+    let i = knots.partition_point(|&g| g <= x).clamp(1, knots.len() - 1) - 1;
+    (i, ((x - knots[i]) / (knots[i + 1] - knots[i])).clamp(0.0, 1.0))
+}
+
+/// Values at the knots of the piecewise linear function that fits best; a tridiagonal system, held together by a weak
+/// pull of neighbours towards each other.
+fn least_squares(knots: usize, data: impl Iterator<Item = ((usize, f64, f64), f64)>) -> Vec<f64> {
+    let (mut diagonal, mut off, mut right) = (vec![0.0; knots], vec![0.0; knots], vec![0.0; knots]);
+    let mut count = 0.0;
+    for ((i, s, f), y) in data {
+        let (a, b) = (f * (1.0 - s), f * s);
+        diagonal[i] += a * a;
+        diagonal[i + 1] += b * b;
+        off[i] += a * b;
+        right[i] += a * y;
+        right[i + 1] += b * y;
+        count += 1.0;
+    }
+    let pull = 1e-3 * f64::max(count, 1.0) / knots as f64;
+    for i in 0..knots {
+        let neighbours = usize::from(i > 0) + usize::from(i + 1 < knots);
+        diagonal[i] += pull * neighbours as f64 + 1e-9 * count;
+        if i + 1 < knots {
+            off[i] -= pull;
+        }
+    }
+    for i in 1..knots {
+        let share = off[i - 1] / diagonal[i - 1];
+        diagonal[i] -= share * off[i - 1];
+        right[i] -= share * right[i - 1];
+    }
+    for i in (0..knots).rev() {
+        let next = if i + 1 < knots { off[i] * right[i + 1] } else { 0.0 };
+        right[i] = (right[i] - next) / diagonal[i];
+    }
+    right
+}
+
+/// A table of the torque over the leading variable, if simulations know it.
+pub fn table(moments: &[Moment], leading: &Dependence) -> Option<Table> {
+    let own = [
+        Variable::Position,
+        Variable::Velocity,
+        Variable::Target,
+        Variable::Torque,
+    ];
+    let variable = *own.get(leading.variable).filter(|_| leading.form == Form::Plain)?;
+    let grid = knots(moments, leading.variable);
+    if grid.len() < 2 {
+        return None;
+    }
+    let data = moments.iter().map(|m| {
+        let (i, s) = cell(&grid, m.values[leading.variable]);
+        ((i, s, 1.0), m.torque)
+    });
+    let values = least_squares(grid.len(), data);
+    Some(Table {
+        axes: vec![(variable, grid)],
+        values,
+    })
+}
+
+/// Autocorrelation of `values` at the first lag that is at least `lag` samples; near zero for noise.
+pub fn autocorrelation(values: &[f64], lag: usize) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let centred: Vec<f64> = values.iter().map(|v| v - mean).collect();
+    let power: f64 = centred.iter().map(|v| v * v).sum();
+    let shifted: f64 = centred.iter().zip(centred.iter().skip(lag)).map(|(a, b)| a * b).sum();
+    if power > 0.0 { shifted / power } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moments(torque: impl Fn(f64, f64) -> f64) -> Vec<Moment> {
+        let at = |k: usize| {
+            let (q, v) = ((0.013 * k as f64).sin(), (0.0371 * k as f64).cos());
+            Moment {
+                log: 0,
+                block: k / 100,
+                torque: torque(q, v),
+                values: vec![q, v, 0.0, 0.0, 0.0, k as f64],
+            }
+        };
+        (0..4000).map(at).collect()
+    }
+
+    #[test]
+    fn the_variable_that_makes_the_torque_is_found() {
+        let found = dependence(&moments(|q, _| (4.0 * q).sin()), &|b| b % 4, 4);
+        assert_eq!((found[0].variable, found[0].form), (0, Form::Plain));
+        assert!(found[0].gain > 0.9);
+        let found = dependence(&moments(|q, v| q * v.signum()), &|b| b % 4, 4);
+        assert_eq!((found[0].variable, found[0].form), (0, Form::Friction));
+    }
+
+    #[test]
+    fn noise_depends_on_nothing() {
+        let noise = |q: f64, v: f64| ((q * 12_345.678 + v * 98_765.432).sin() * 43_758.545).fract();
+        assert!(dependence(&moments(noise), &|b| b % 4, 4).is_empty());
+    }
+
+    #[test]
+    fn a_ripple_shows_its_frequency() {
+        let found = ripples(&moments(|q, _| (std::f64::consts::TAU * 3.0 * q).sin()), 2.0, 1);
+        assert!((found[0] - 3.0).abs() < 0.2, "{found:?}");
+    }
+}

@@ -1,0 +1,347 @@
+//! A log made ready for rollouts: commands by the millisecond, readings to compare with, and where it starts.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+use omniwalk_env::robot::Robot;
+
+use crate::recording::{CommandKind, JointRecord, Recording, Series};
+
+/// Physics step of rollouts, s.
+pub const DT: f64 = 1e-3;
+/// Readings this far on either side tell the state at an instant, s.
+const ABOUT: f64 = 0.03;
+/// Longest delay whose past is known at the start of a rollout, s: it begins this late in the log.
+pub const LEAD: f64 = 0.15;
+
+/// Longest rollout, s; longer logs are cut, and every piece starts from the measured state.
+const LONGEST: f64 = 60.0;
+/// A rollout runs this long before it is compared, s: what its start did not know has died away.
+const WARM_UP: f64 = 0.5;
+
+/// Why a log cannot be compared with a robot.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum TrialError {
+    /// The log is of another robot.
+    #[error("log {log}: none of its joints ({found}) is a joint of robot `{robot}`")]
+    #[diagnostic(help("name the joints as the URDF does ({wanted}), in the log or in the column map"))]
+    OtherRobot {
+        /// The log.
+        log: String,
+        /// Its joints.
+        found: String,
+        /// The robot.
+        robot: String,
+        /// The robot's joints.
+        wanted: String,
+    },
+    /// The log lacks a joint that moves.
+    #[error("log {log}: joint `{joint}` has no {what}")]
+    #[diagnostic(help("record it, or name the joint under `locked` in the robot's TOML"))]
+    Missing {
+        /// The log.
+        log: String,
+        /// The joint.
+        joint: String,
+        /// What is missing.
+        what: &'static str,
+    },
+    /// The log overrides something the robot does not have.
+    #[error("log {log}: no parameter `{key}` to override")]
+    #[diagnostic(help("kp, kd, supply_voltage, payload.mass, joint.NAME.kp and joint.NAME.kd can be overridden"))]
+    Override {
+        /// The log.
+        log: String,
+        /// The key.
+        key: String,
+    },
+}
+
+/// A reading of a joint.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading {
+    /// Time in steps from the trial's start.
+    pub at: f64,
+    /// Degree of freedom.
+    pub dof: usize,
+    /// Measured position, rad or m.
+    pub position: f64,
+    /// Which block of time it belongs to, counted from the trial's start.
+    pub block: usize,
+}
+
+/// What a joint is told.
+#[derive(Clone, Debug)]
+pub struct Told {
+    /// Target (rad, m) or effort (N m, N) at every step.
+    pub command: Vec<f64>,
+    /// Whether commands are efforts.
+    pub effort: bool,
+    /// Whether the motor is on, at every step.
+    pub enabled: Vec<bool>,
+    /// The command of the steps before the first, the last of them first.
+    pub past: Vec<f64>,
+}
+
+/// A piece of a log.
+#[derive(Clone, Debug, Default)]
+pub struct Trial {
+    /// The log's name.
+    pub name: String,
+    /// Which log it is a piece of.
+    pub log: usize,
+    /// Labels of the log.
+    pub groups: BTreeMap<String, String>,
+    /// The robot's parameters that are different in this log.
+    pub overrides: BTreeMap<String, f64>,
+    /// Time of its start in the log, s.
+    pub start: f64,
+    /// Physics steps.
+    pub steps: usize,
+    /// One a degree of freedom.
+    pub told: Vec<Told>,
+    /// In the order of time; readings that are compared.
+    pub readings: Vec<Reading>,
+    /// Positions and velocities of the degrees of freedom as measured, at every step from the start until [`LEAD`] after it: a
+    /// reading that is late shows the start that much later.
+    pub initial: Vec<Vec<(f64, f64)>>,
+    /// Measured position at every step, linear between readings.
+    pub measured: Vec<Vec<f64>>,
+    /// What else was measured, by name, at every step; of the joint it was measured at, or of all.
+    pub conditions: Vec<(Option<usize>, String, Vec<f64>)>,
+}
+
+impl Trial {
+    /// The part of `recording` (log number `log`) from `from` to `to` s after its first reading, in pieces.
+    ///
+    /// # Errors
+    /// [`TrialError`] when the log is not one of this robot.
+    pub fn cut(
+        robot: &Robot,
+        recording: &Recording,
+        log: usize,
+        (from, to): (f64, f64),
+        block: f64,
+    ) -> Result<Vec<Self>, TrialError> {
+        let joints = joints(robot, recording)?;
+        let first = joints
+            .iter()
+            .map(|j| j.position.time[0])
+            .fold(f64::NEG_INFINITY, f64::max);
+        let last = joints.iter().map(|j| end(&j.position)).fold(f64::INFINITY, f64::min);
+        let (from, to) = (first + from, (first + to).min(last));
+        let pieces = ((to - from) / LONGEST).ceil().max(1.0) as usize;
+        let length = (to - from) / pieces as f64;
+        let piece = |i: usize| {
+            let begin = from + i as f64 * length;
+            Self::piece(recording, &joints, log, (begin, begin + length), first, block)
+        };
+        Ok((0..pieces).map(piece).collect())
+    }
+
+    fn piece(
+        recording: &Recording,
+        joints: &[&JointRecord],
+        log: usize,
+        (from, to): (f64, f64),
+        first: f64,
+        block: f64,
+    ) -> Self {
+        // In the middle of a log a rollout begins before the piece does.
+        let (start, from) = if from > first + WARM_UP + LEAD {
+            (from - WARM_UP, from)
+        } else {
+            (first + LEAD, (first + LEAD + WARM_UP).max(from))
+        };
+        let steps = (((to - start) / DT).floor().max(0.0)) as usize;
+        let times: Vec<f64> = (0..=steps).map(|k| start + k as f64 * DT).collect();
+        let mut readings = Vec::new();
+        for (dof, joint) in joints.iter().enumerate() {
+            let series = &joint.position;
+            for (&time, &position) in series.time.iter().zip(&series.value) {
+                let at = (time - start) / DT;
+                if time >= from && at <= steps as f64 {
+                    let block = ((time - from) / block) as usize;
+                    readings.push(Reading {
+                        at,
+                        dof,
+                        position,
+                        block,
+                    });
+                }
+            }
+        }
+        readings.sort_by(|a, b| a.at.total_cmp(&b.at).then(a.dof.cmp(&b.dof)));
+        let own = joints.iter().enumerate().flat_map(|(d, joint)| {
+            joint
+                .extra
+                .iter()
+                .map(move |(name, series)| (Some(d), name.clone(), series))
+        });
+        let supply = (!recording.voltage.is_empty()).then(|| (None, "voltage".to_owned(), &recording.voltage));
+        let conditions = own.chain(supply).filter(|(_, _, series)| !series.is_empty());
+        Self {
+            name: recording.name.clone(),
+            log,
+            groups: recording.groups.clone(),
+            overrides: recording.overrides.clone(),
+            start,
+            steps,
+            told: joints.iter().map(|joint| told(joint, start, &times)).collect(),
+            readings,
+            initial: joints.iter().map(|joint| states(&joint.position, start)).collect(),
+            measured: joints.iter().map(|j| linear(&j.position, &times)).collect(),
+            conditions: conditions
+                .map(|(joint, name, series)| (joint, name, linear(series, &times)))
+                .collect(),
+        }
+    }
+
+    /// Time of a reading in the log, s.
+    pub fn time(&self, reading: &Reading) -> f64 {
+        self.start + reading.at * DT
+    }
+
+    /// `robot` as it was in this log.
+    ///
+    /// # Errors
+    /// [`TrialError::Override`] for an override that names nothing.
+    pub fn robot(&self, robot: &Robot) -> Result<Robot, TrialError> {
+        let mut robot = robot.clone();
+        for (key, &value) in &self.overrides {
+            super::own::override_value(&mut robot, key, value).ok_or_else(|| TrialError::Override {
+                log: self.name.clone(),
+                key: key.clone(),
+            })?;
+        }
+        Ok(robot)
+    }
+}
+
+fn end(series: &Series) -> f64 {
+    series.time.last().copied().unwrap_or(f64::NEG_INFINITY)
+}
+
+/// The record of every degree of freedom.
+fn joints<'a>(robot: &Robot, recording: &'a Recording) -> Result<Vec<&'a JointRecord>, TrialError> {
+    let names: Vec<&str> = (0..robot.dofs.len()).map(|d| robot.dof(d).name.as_str()).collect();
+    if !recording
+        .joints
+        .iter()
+        .any(|joint| names.contains(&joint.name.as_str()))
+    {
+        let list = |names: &mut dyn Iterator<Item = &str>| names.take(30).collect::<Vec<_>>().join(", ");
+        return Err(TrialError::OtherRobot {
+            log: recording.name.clone(),
+            found: list(&mut recording.joints.iter().map(|joint| joint.name.as_str())),
+            robot: robot.name.clone(),
+            wanted: list(&mut names.iter().copied()),
+        });
+    }
+    let find = |(d, name): (usize, &&str)| {
+        let missing = |what| TrialError::Missing {
+            log: recording.name.clone(),
+            joint: (*name).to_owned(),
+            what,
+        };
+        let joint = recording.joint(name).ok_or_else(|| missing("record"))?;
+        if joint.position.len() < 2 {
+            return Err(missing("measured positions"));
+        }
+        if joint.command.is_empty() && robot.dof(d).actuator.is_some() {
+            return Err(missing("commands"));
+        }
+        Ok(joint)
+    };
+    names.iter().enumerate().map(find).collect()
+}
+
+fn told(joint: &JointRecord, start: f64, times: &[f64]) -> Told {
+    let effort = joint.command_kind == CommandKind::Effort;
+    let before = if effort { 0.0 } else { joint.position.value[0] };
+    // Before the log's first command its first command is taken to have held.
+    let before = joint.command.value.first().copied().unwrap_or(before);
+    let lead: Vec<f64> = (0..steps(LEAD)).map(|k| start - LEAD + k as f64 * DT).collect();
+    let mut past = held(&joint.command, before, &lead);
+    past.reverse();
+    Told {
+        command: held(&joint.command, before, times),
+        effort,
+        enabled: held(&joint.enabled, 1.0, times).iter().map(|&on| on > 0.5).collect(),
+        past,
+    }
+}
+
+/// Steps in a time, s.
+pub fn steps(time: f64) -> usize {
+    (time / DT).round() as usize
+}
+
+/// Means of `series`, whose values hold until the next, over the step that begins at each of `times`: what switches within
+/// a step acts in proportion. `before` holds before the first.
+fn held(series: &Series, before: f64, times: &[f64]) -> Vec<f64> {
+    let mut next = 0;
+    let mut value = before;
+    let mut mean = |&time: &f64| {
+        let (mut from, end) = (time, time + DT);
+        let mut sum = 0.0;
+        while let Some(&change) = series.time.get(next).filter(|&&change| change < end) {
+            sum += value * (change - from).max(0.0);
+            from = from.max(change);
+            value = series.value[next];
+            next += 1;
+        }
+        (sum + value * (end - from)) / DT
+    };
+    times.iter().map(&mut mean).collect()
+}
+
+/// Positions and velocities at every step from `start` until [`LEAD`] after it.
+fn states(series: &Series, start: f64) -> Vec<(f64, f64)> {
+    (0..=steps(LEAD))
+        .map(|k| state(series, start + k as f64 * DT))
+        .collect()
+}
+
+/// Position and velocity at `time` by a polynomial through the readings about it (Savitzky and Golay 1964): a cubic where
+/// there are readings enough, less where there are few.
+fn state(series: &Series, time: f64) -> (f64, f64) {
+    let near = |about: f64| {
+        let from = series.time.partition_point(|&t| t < time - about);
+        (from, series.time.partition_point(|&t| t <= time + about))
+    };
+    let (mut from, mut to) = near(ABOUT);
+    if to - from < 5 {
+        let middle = series.time.partition_point(|&t| t < time);
+        from = middle.saturating_sub(3).min(series.len().saturating_sub(5));
+        to = (from + 5).min(series.len());
+    }
+    let (t, q) = (&series.time[from..to], &series.value[from..to]);
+    let span = t.iter().map(|t| (t - time).abs()).fold(0.0, f64::max).max(DT);
+    let order = 3.min(t.len().saturating_sub(2));
+    let powers = DMatrix::from_fn(t.len(), order + 1, |i, j| ((t[i] - time) / span).powi(j as i32));
+    let normal = powers.transpose() * &powers;
+    let right = powers.transpose() * DVector::from_column_slice(q);
+    match normal.cholesky().map(|factor| factor.solve(&right)) {
+        // Two readings give no line worth following.
+        Some(fit) => (fit[0], if order > 0 { fit[1] / span } else { 0.0 }),
+        None => (q[0], 0.0),
+    }
+}
+
+/// Values of `series` at `times`, linear between its own and constant beyond.
+pub fn linear(series: &Series, times: &[f64]) -> Vec<f64> {
+    let (t, v) = (&series.time, &series.value);
+    let mut next = 0;
+    let at = |&time: &f64| {
+        while next < t.len() && t[next] <= time {
+            next += 1;
+        }
+        match next {
+            0 => v[0],
+            n if n == t.len() => v[n - 1],
+            n => v[n - 1] + (time - t[n - 1]) / (t[n] - t[n - 1]) * (v[n] - v[n - 1]),
+        }
+    };
+    times.iter().map(at).collect()
+}

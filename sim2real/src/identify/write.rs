@@ -1,0 +1,104 @@
+//! The robot with its effects, as files: the URDF as it was, and the TOML with entries behind what was there.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use omniwalk_env::effect::{Kind, Place, Site};
+
+use super::leftover::Leftover;
+use super::model::Model;
+use super::select::Selection;
+use super::{IdentifyError, Task};
+
+/// Writes the robot with the last model into `robot/` of the task's folder; returns that folder.
+pub fn extended(
+    task: &Task<'_>,
+    selection: &Selection,
+    left: &Leftover,
+    intervals: &[f64],
+) -> Result<PathBuf, IdentifyError> {
+    let folder = task.out.join("robot");
+    let failed = |path: &Path| {
+        let path = path.display().to_string();
+        move |source| IdentifyError::Write { path, source }
+    };
+    std::fs::create_dir_all(&folder).map_err(failed(&folder))?;
+    let (urdf, toml) = &task.files;
+    // Always of one name: a folder that holds another robot's from before would hold two.
+    std::fs::copy(urdf, folder.join("robot.urdf")).map_err(failed(urdf))?;
+    let mut text = match toml {
+        Some(toml) => std::fs::read_to_string(toml).map_err(failed(toml))?,
+        None => String::new(),
+    };
+    text += "\n# Identified from logs.\n";
+    text += &entries(task, &selection.last.model, intervals);
+    text += &entries(task, &tables(&left.model), &[]);
+    let path = folder.join("robot.toml");
+    std::fs::write(&path, text).map_err(failed(&path))?;
+    Ok(folder)
+}
+
+/// The tables of `model` alone.
+fn tables(model: &Model) -> Model {
+    let table = |term: &&super::model::Term| term.kind == Kind::ResidualTorque;
+    Model {
+        tuned: Vec::new(),
+        terms: model.terms.iter().filter(table).cloned().collect(),
+    }
+}
+
+fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
+    let robot = task.robot;
+    let mut out = String::new();
+    let mut half = intervals.iter().copied();
+    let mut comment = move || match half.next() {
+        Some(half) if half.is_finite() => format!(" # +- {half:.2e}"),
+        Some(_) => " # the logs do not tell".to_owned(),
+        None => String::new(),
+    };
+    let mut last = None;
+    for tuned in &model.tuned {
+        if last != Some(tuned.dof) {
+            let _ = write!(out, "\n[[joint]]\nmatch = [{:?}]\n", robot.dof(tuned.dof).name);
+            last = Some(tuned.dof);
+        }
+        let _ = writeln!(out, "{} = {:?}{}", tuned.own.key(), tuned.value, comment());
+    }
+    for term in &model.terms {
+        let info = term.kind.info();
+        let name = match info.site {
+            Site::Joint => &robot.dof(term.target).name,
+            Site::Link => &robot.links[term.target].name,
+        };
+        match info.place {
+            Place::Joint(key) => {
+                let _ = write!(
+                    out,
+                    "\n[[joint]]\nmatch = [{name:?}]\n{key} = {:?}{}\n",
+                    term.values[0],
+                    comment()
+                );
+            }
+            Place::Table => {
+                let _ = write!(out, "\n[[effect]]\nid = {:?}\nmatch = [{name:?}]\n", info.id);
+                for (i, parameter) in info.parameters.iter().enumerate() {
+                    let said = if term.free.contains(&i) {
+                        comment()
+                    } else {
+                        String::new()
+                    };
+                    let _ = writeln!(out, "{} = {:?}{said}", parameter.name, term.values[i]);
+                }
+            }
+        }
+        if let Some(table) = &term.table {
+            let over: Vec<&str> = table.axes.iter().map(|(variable, _)| variable.name()).collect();
+            let _ = writeln!(out, "over = {over:?}");
+            for (variable, grid) in &table.axes {
+                let _ = writeln!(out, "{} = {grid:?}", variable.name());
+            }
+            let _ = writeln!(out, "values = {:?}", table.values);
+        }
+    }
+    out
+}

@@ -1,0 +1,110 @@
+//! Identification on logs of the project's own simulation, where the truth is known to the last digit.
+
+mod bad;
+mod rig;
+
+use omniwalk_env::effect::Kind;
+use omniwalk_sim2real::identify::{Outcome, Verdict};
+use rig::{identify, logs, rig};
+
+/// Every name in the accepted effects and the sets that cannot be told apart.
+fn named(outcome: &Outcome) -> Vec<String> {
+    let accepted = outcome.accepted.iter().map(|a| a.effect.to_owned());
+    accepted
+        .chain(outcome.indistinguishable.iter().flatten().cloned())
+        .collect()
+}
+
+#[test]
+fn a_model_that_only_needs_other_values_lacks_nothing() {
+    let mut truth = rig(&[]);
+    truth.joints[0].passive.damping *= 2.0;
+    truth.joints[0].passive.friction *= 0.5;
+    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    assert_eq!(outcome.verdict, Verdict::NoMissingEffect, "{:?}", named(&outcome));
+    let (nominal, refit) = (outcome.nominal.heldout.overall(), outcome.refit.heldout.overall());
+    assert!(refit < 0.5 * nominal, "{nominal} {refit}");
+    let retuned = |key: &str| &outcome.retuned["hinge"][key];
+    let friction = truth.joints[0].passive.friction;
+    let [low, high] = retuned("friction").ci95.expect("an interval");
+    assert!(low <= friction && friction <= high, "{:?}", retuned("friction"));
+    // Damping of servo and joint add up while the motor is neither off nor at its limits.
+    let sum = truth.joints[0].passive.damping + truth.joints[0].actuator.expect("a motor").kd;
+    let found = retuned("damping").value + retuned("kd").value;
+    assert!((found / sum - 1.0).abs() < 0.05, "{found} for {sum}");
+}
+
+/// Whether `kind` with `values` is named, alone, and its first value found.
+fn is_found(kind: Kind, values: &[f64]) {
+    let truth = rig(&[(kind, values)]);
+    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let named = named(&outcome);
+    assert_eq!(outcome.verdict, Verdict::Explained, "{named:?}");
+    assert_eq!(named, [kind.id()]);
+    let value = outcome.accepted[0].parameters[kind.info().parameters[0].name].value;
+    assert!((value / values[0] - 1.0).abs() < 0.15, "{value} for {}", values[0]);
+    let closed = outcome.gap_closed.expect("a gap");
+    assert!(closed > 0.8, "{closed}");
+}
+
+#[test]
+fn friction_that_rises_towards_rest_is_found() {
+    is_found(Kind::StribeckFriction, &[0.12, 0.4]);
+}
+
+#[test]
+fn friction_under_load_is_found() {
+    is_found(Kind::LoadDependentFriction, &[0.25]);
+}
+
+#[test]
+fn play_is_found() {
+    is_found(Kind::Backlash, &[0.06, 0.0]);
+}
+
+#[test]
+fn a_limit_of_the_target_s_speed_is_found() {
+    is_found(Kind::CommandRateLimit, &[2.0]);
+}
+
+#[test]
+fn delays_of_command_and_reading_are_named_together() {
+    let truth = rig(&[(Kind::CommandDelay, &[0.02])]);
+    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let named = named(&outcome);
+    assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
+    assert!(
+        named.contains(&"command_delay".to_owned()) && named.contains(&"sensor_delay".to_owned()),
+        "{named:?}"
+    );
+}
+
+#[test]
+fn held_out_logs_change_nothing_but_the_report() {
+    let truth = rig(&[(Kind::CommandRateLimit, &[2.0])]);
+    let with = |held| {
+        let outcome = identify(&rig(&[]), logs(&truth, 3, 1), Some(held));
+        serde_json::to_string(&(
+            &outcome.accepted[0].parameters,
+            &outcome.retuned,
+            &outcome.rejected,
+            outcome.verdict,
+        ))
+        .expect("plain data")
+    };
+    assert_eq!(with(logs(&truth, 2, 100)), with(logs(&rig(&[]), 1, 7)));
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let truth = rig(&[(Kind::CommandRateLimit, &[2.0])]);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("threads");
+        let outcome = pool.install(|| identify(&rig(&[]), logs(&truth, 3, 1), None));
+        serde_json::to_string(&outcome).expect("plain data")
+    };
+    assert_eq!(with(1), with(2));
+}
