@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 #[cfg(unix)]
 use omniwalk::command::rehearse;
-use omniwalk::command::{bench, eval, excite, export, init, inspect, report, train, view};
+use omniwalk::command::{bench, eval, excite, export, identify, init, inspect, replay, report, train, view};
 use omniwalk::terminal::OutputError;
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
@@ -24,8 +24,10 @@ enum Command {
     Train(train::Args),
     Eval(eval::Args),
     Export(export::Args),
+    Identify(identify::Args),
     Inspect(inspect::Args),
     Excite(excite::Args),
+    Replay(replay::Args),
     Bench(bench::Args),
     #[cfg(unix)]
     Rehearse(rehearse::Args),
@@ -39,6 +41,8 @@ fn main() -> ExitCode {
         Command::Train(args) => train::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Identify(args) => identify::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Excite(args) => excite::run(&args),
         Command::Bench(args) => bench::run(&args),

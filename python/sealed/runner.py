@@ -39,7 +39,8 @@ def identify(case: Path, program: list[str], limit: float) -> dict:
     """Exit code, duration and report of one identification."""
     fit, held_out = (sorted(str(log) for log in (case / part).glob("*.mcap")) for part in ("fit", "heldout"))
     with tempfile.TemporaryDirectory() as folder:
-        command = [*program, "identify", *fit, "--robot", str(case / "robot"), "--out", folder, "--heldout", *held_out]
+        command = [*program, "identify", *fit, "--robot", str(case / "robot"), "--out", folder]
+        command += ["--compare", "--heldout", *held_out]
         start = time.monotonic()
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)

@@ -9,6 +9,7 @@ use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_controller::Policy;
 use omniwalk_controller::file::MAX_LEN;
 use omniwalk_env::robot::{self, Robot};
+use omniwalk_sim2real::recording::{self, Map, Recording, RecordingError};
 
 use crate::config::{ConfigError, Layers};
 use crate::files;
@@ -32,6 +33,22 @@ pub fn settings(file: Option<&Path>, changes: &[String]) -> Result<(Settings, St
 /// The robot at `path`.
 pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
     Ok(Arc::new(robot::load(path)?))
+}
+
+/// The recordings in the logs at `paths`.
+pub fn recordings(paths: &[PathBuf], map: Option<&Map>) -> Result<Vec<Recording>, RecordingError> {
+    let mut all = Vec::new();
+    for path in paths {
+        all.extend(recording::read(path, map)?);
+    }
+    Ok(all)
+}
+
+/// Writes a file as a whole or not at all.
+pub fn write(path: &Path, text: &str) -> miette::Result<()> {
+    write_atomic(path, text.as_bytes())
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot write {}", path.display()))
 }
 
 /// The newest whole checkpoint of `run`, with a warning of damaged newer ones.

@@ -4,10 +4,12 @@ pub mod bench;
 pub mod eval;
 pub mod excite;
 pub mod export;
+pub mod identify;
 pub mod init;
 pub mod inspect;
 #[cfg(unix)]
 pub mod rehearse;
+pub mod replay;
 pub mod report;
 pub mod train;
 pub mod view;

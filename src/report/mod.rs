@@ -8,6 +8,7 @@ pub mod curves;
 pub mod film;
 pub mod gait;
 pub mod html;
+pub mod identification;
 pub mod learning;
 pub mod motion;
 pub mod plot;

@@ -102,7 +102,7 @@ pub struct Trial {
     pub told: Vec<Told>,
     /// In the order of time; readings that are compared.
     pub readings: Vec<Reading>,
-    /// Positions and velocities of the degrees of freedom as measured, at every step from the start until [`LEAD`] after it: a
+    /// Positions and velocities of the degrees of freedom as measured, at every step from the start until 0.15 s after it: a
     /// reading that is late shows the start that much later.
     pub initial: Vec<Vec<(f64, f64)>>,
     /// Measured position at every step, linear between readings.

@@ -1,0 +1,120 @@
+//! `omniwalk identify`: which physical effect the model lacks.
+
+use std::path::{Path, PathBuf};
+
+use miette::{IntoDiagnostic, WrapErr, miette};
+use omniwalk_env::robot;
+use omniwalk_sim2real::identify::{self, Outcome, Task, Verdict};
+use omniwalk_sim2real::recording::{self, Map, RecordingError};
+
+use super::load;
+use crate::report::identification;
+
+/// Finds the physical effect that the robot's model lacks, and writes the robot with it.
+///
+/// Parameters that the model has are re-tuned first. Then every effect of the library is tried by cross-validation inside the
+/// logs, and taken where the error falls significantly. Held-out logs are opened after the last choice, to report.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Logs to fit: MCAP, or CSV and JSON with a column map.
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// The robot: a folder or a URDF.
+    #[arg(long, value_name = "FILE")]
+    robot: PathBuf,
+    /// Column map.
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+    /// Logs to report on; without, some of the others are set aside before anything is fitted.
+    #[arg(long, value_name = "LOG", num_args = 1..)]
+    heldout: Vec<PathBuf>,
+    /// Folder for report.json, report.html and the robot with its effects.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Also fits every effect at once and reports its errors under `all_effects`, to compare with.
+    #[arg(long)]
+    compare: bool,
+    /// Threads [default: all cores]; their number changes no bit of the result.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Whatever is wrong with logs, map or robot, and logs that cannot carry an answer.
+pub fn run(args: &Args) -> miette::Result<()> {
+    if let Some(threads) = args.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
+        pool.build_global().into_diagnostic()?;
+    }
+    let robot = load::robot(&args.robot)?;
+    let map = args.map.as_deref().map(Map::load).transpose()?;
+    let logs = load::recordings(&args.logs, map.as_ref())?;
+    let open = || -> Result<_, RecordingError> {
+        let logs = args.heldout.iter().map(|path| recording::read(path, map.as_ref()));
+        Ok(logs.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+    };
+    std::fs::create_dir_all(&args.out)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot create {}", args.out.display()))?;
+    let task = Task {
+        robot: &robot,
+        files: robot::files(&args.robot)?,
+        logs,
+        heldout: if args.heldout.is_empty() { None } else { Some(&open) },
+        compare: args.compare,
+        out: &args.out,
+    };
+    let outcome = identify::run(&task, &|line| eprintln!("{line}"))?;
+    let json = serde_json::to_string_pretty(&outcome).into_diagnostic()? + "\n";
+    load::write(&args.out.join("report.json"), &json)?;
+    if outcome.verdict == Verdict::InsufficientData {
+        let reasons = outcome.reasons.join("\n");
+        return Err(miette!(help = reasons, "these logs cannot carry an answer"));
+    }
+    load::write(&args.out.join("report.html"), &identification::page(&outcome)?)?;
+    summary(&outcome, &args.out);
+    Ok(())
+}
+
+fn summary(outcome: &Outcome, out: &Path) {
+    let verdict = serde_json::to_value(outcome.verdict).unwrap_or_default();
+    println!("verdict: {}", verdict.as_str().unwrap_or_default());
+    for accepted in &outcome.accepted {
+        println!(
+            "  {} of {} (p = {:.1e})",
+            accepted.effect, accepted.target, accepted.p_value
+        );
+        for (name, value) in &accepted.parameters {
+            let interval = value
+                .ci95
+                .map_or(String::new(), |[low, high]| format!(" ({low:.4} to {high:.4})"));
+            println!("    {name} = {:.5} {}{interval}", value.value, value.unit);
+        }
+    }
+    for set in &outcome.indistinguishable {
+        println!("  cannot be told apart with these logs: {}", set.join(", "));
+    }
+    if outcome.verdict == Verdict::Unexplained {
+        let share = 100.0 * outcome.unexplained.fraction;
+        println!(
+            "  {share:.0} % of what is left is structure, over {}",
+            outcome.unexplained.depends_on.join(", ")
+        );
+    }
+    println!(
+        "position error, rms:  nominal {:.5}  re-tuned {:.5}  final {:.5}  on held-out logs ({})",
+        outcome.nominal.heldout.overall(),
+        outcome.refit.heldout.overall(),
+        outcome.last.heldout.overall(),
+        outcome.heldout,
+    );
+    if let (Some(floor), Some(closed)) = (outcome.noise_floor.value, outcome.gap_closed) {
+        println!(
+            "noise floor {floor:.5}; {:.0} % of the gap to it closed",
+            100.0 * closed
+        );
+    }
+    println!("{}", out.join("report.html").display());
+}
