@@ -86,7 +86,7 @@ impl Actuators {
         self.places[k] = Some(self.effects.len() as u32);
         self.effects.push(JointEffects {
             k,
-            memory: model.memory(joint.nominal, joint.nominal),
+            memory: model.memory((joint.nominal, 0.0), joint.nominal, 0.0),
             told: Told {
                 target: joint.nominal,
                 stiffness: self.drive.stiffness[k],
@@ -108,14 +108,15 @@ impl Actuators {
         self.places[k].map(|place| &mut self.effects[place as usize])
     }
 
-    /// Starts an episode: degree of freedom `d` of `world` is at rest at `position` and has had the target `target`, rad or m.
-    pub fn start(&mut self, d: usize, world: usize, position: f64, target: f64) {
+    /// Starts an episode: degree of freedom `d` of `world` is at `state` (position and velocity, rad and rad/s or m and m/s) and
+    /// has had the target `target`, rad or m.
+    pub fn start(&mut self, d: usize, world: usize, state: (f64, f64), target: f64) {
         let k = d * self.worlds + world;
         self.drive.target[k] = target;
         if let Some(effects) = self.effects_mut(k) {
             effects.told.target = target;
-            effects.memory = effects.model.memory(position, target);
-            effects.reading = effects.model.read(&mut effects.memory, position);
+            effects.memory = effects.model.memory(state, target, target - state.0);
+            effects.reading = effects.model.read(&mut effects.memory, state.0);
         }
     }
 
@@ -148,7 +149,7 @@ impl Actuators {
         if let Some(effects) = self.effects_mut(k) {
             // A delay begins with the first torque that was commanded.
             if !effects.told.effort {
-                effects.memory = effects.model.memory(effects.memory.position(), torque);
+                effects.memory = effects.model.memory(effects.memory.state(), torque, torque);
             }
             effects.told = Told {
                 target: effects.told.target,
@@ -296,10 +297,13 @@ impl Actuators {
         }
     }
 
-    /// After a physics step: encoders with effects are read.
+    /// After a physics step: what lies between motor and joint is moved, and encoders with effects are read.
     pub fn sense(&mut self, joints: &JointState) {
         for effects in &mut self.effects {
-            effects.reading = effects.model.read(&mut effects.memory, joints.position[effects.k]);
+            let k = effects.k;
+            let state = (joints.position[k], joints.velocity[k], joints.torque[k]);
+            effects.model.finish(&mut effects.memory, state);
+            effects.reading = effects.model.delayed_reading(&effects.memory);
         }
     }
 }

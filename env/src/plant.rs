@@ -89,7 +89,7 @@ impl Plant {
         start.orientation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * start.orientation;
         self.engine.reset(0, &start, &self.world);
         for (d, &position) in start.joints.iter().enumerate() {
-            self.actuators.start(d, 0, position, position);
+            self.actuators.start(d, 0, (position, 0.0), position);
         }
     }
 

@@ -41,7 +41,7 @@ fn run(robot: &Robot, engine: &mut dyn Engine, seconds: f64, target: impl Fn(f64
     };
     let world = World::nominal(robot, ground);
     engine.reset(0, &Start::nominal(robot), &world);
-    actuators.start(0, 0, 0.0, 0.0);
+    actuators.start(0, 0, (0.0, 0.0), 0.0);
     let steps = (seconds / DT).round() as usize;
     let step = |k: usize| {
         actuators.set_target(0, 0, target(k as f64 * DT));
@@ -248,7 +248,7 @@ fn actuators_go_on_with_the_same_bits_after_restoring() {
     let mut engine = Lanes::new(&robot, DT, 1, Simd::Scalar).expect("an engine");
     run(&robot, &mut engine, 0.1, swing);
     let mut first = Actuators::new(&robot, DT, 1);
-    first.start(0, 0, 0.1, 0.1);
+    first.start(0, 0, (0.1, 0.0), 0.1);
     for k in 0..50 {
         first.set_target(0, 0, swing(k as f64 * DT));
         first.drive(engine.joints());
@@ -258,4 +258,22 @@ fn actuators_go_on_with_the_same_bits_after_restoring() {
     second.restore(&first.save()).expect("the same effects");
     assert_eq!(first.drive(engine.joints()), second.drive(engine.joints()));
     assert!(second.restore(&[0.0]).is_err());
+}
+
+#[test]
+fn a_gap_of_nothing_is_no_gap() {
+    // The rotor rides on a spring of 500 rad/s: accelerated by a rad/s^2 it lags by 4 urad, and under a torque of a N m the
+    // spring of this rotor gives by so many rad.
+    let nominal = lanes(&rig(&[]), 2.0, swing);
+    let armature = rig(&[]).joints[0].passive.armature;
+    let soft = 1.0 / (armature * 500.0 * 500.0);
+    for encoder in [0.0, 1.0] {
+        let closed = lanes(&rig(&[(Kind::Backlash, &[1e-9, encoder])]), 2.0, swing);
+        let worst = nominal
+            .iter()
+            .zip(&closed)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(worst < 1.0 * soft, "{worst} at encoder {encoder}, {soft} a N m");
+    }
 }

@@ -9,6 +9,7 @@ use omniwalk_sim2real::recording::{self, Map, RecordingError};
 
 use super::load;
 use crate::report::identification;
+use crate::terminal::{OutputError, say};
 
 /// Finds the physical effect that the robot's model lacks, and writes the robot with it.
 ///
@@ -74,47 +75,49 @@ pub fn run(args: &Args) -> miette::Result<()> {
         return Err(miette!(help = reasons, "these logs cannot carry an answer"));
     }
     load::write(&args.out.join("report.html"), &identification::page(&outcome)?)?;
-    summary(&outcome, &args.out);
-    Ok(())
+    Ok(summary(&outcome, &args.out)?)
 }
 
-fn summary(outcome: &Outcome, out: &Path) {
+fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
     let verdict = serde_json::to_value(outcome.verdict).unwrap_or_default();
-    println!("verdict: {}", verdict.as_str().unwrap_or_default());
+    say(format_args!("verdict: {}", verdict.as_str().unwrap_or_default()))?;
     for accepted in &outcome.accepted {
-        println!(
+        say(format_args!(
             "  {} of {} (p = {:.1e})",
             accepted.effect, accepted.target, accepted.p_value
-        );
+        ))?;
         for (name, value) in &accepted.parameters {
             let interval = value
                 .ci95
                 .map_or(String::new(), |[low, high]| format!(" ({low:.4} to {high:.4})"));
-            println!("    {name} = {:.5} {}{interval}", value.value, value.unit);
+            say(format_args!("    {name} = {:.5} {}{interval}", value.value, value.unit))?;
         }
     }
     for set in &outcome.indistinguishable {
-        println!("  cannot be told apart with these logs: {}", set.join(", "));
+        say(format_args!(
+            "  cannot be told apart with these logs: {}",
+            set.join(", ")
+        ))?;
     }
     if outcome.verdict == Verdict::Unexplained {
         let share = 100.0 * outcome.unexplained.fraction;
-        println!(
+        say(format_args!(
             "  {share:.0} % of what is left is structure, over {}",
             outcome.unexplained.depends_on.join(", ")
-        );
+        ))?;
     }
-    println!(
+    say(format_args!(
         "position error, rms:  nominal {:.5}  re-tuned {:.5}  final {:.5}  on held-out logs ({})",
         outcome.nominal.heldout.overall(),
         outcome.refit.heldout.overall(),
         outcome.last.heldout.overall(),
         outcome.heldout,
-    );
+    ))?;
     if let (Some(floor), Some(closed)) = (outcome.noise_floor.value, outcome.gap_closed) {
-        println!(
+        say(format_args!(
             "noise floor {floor:.5}; {:.0} % of the gap to it closed",
             100.0 * closed
-        );
+        ))?;
     }
-    println!("{}", out.join("report.html").display());
+    say(out.join("report.html").display())
 }

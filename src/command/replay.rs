@@ -8,6 +8,7 @@ use omniwalk_sim2real::recording;
 use serde_json::json;
 
 use super::load;
+use crate::terminal::say;
 
 /// Compares logs with the simulation: the logged commands go through actuators and engine at 1 kHz.
 #[derive(clap::Args, Debug)]
@@ -35,12 +36,18 @@ pub fn run(args: &Args) -> miette::Result<()> {
     let map = args.map.as_deref().map(recording::Map::load).transpose()?;
     let recordings = load::recordings(&args.logs, map.as_ref())?;
     let Replay { measure, torque } = identify::replay(&robot, &recordings)?;
-    println!("{:<24} {:>12} {:>12} {:>14}", "joint", "rmse", "mae", "lacks (rms)");
+    say(format_args!(
+        "{:<24} {:>12} {:>12} {:>14}",
+        "joint", "rmse", "mae", "lacks (rms)"
+    ))?;
     for (name, rmse) in &measure.rmse.0 {
         let lacks = torque.get(name).map_or(String::new(), |rms| format!("{rms:.4}"));
-        println!("{name:<24} {rmse:>12.5} {:>12.5} {lacks:>14}", measure.mae.0[name]);
+        say(format_args!(
+            "{name:<24} {rmse:>12.5} {:>12.5} {lacks:>14}",
+            measure.mae.0[name]
+        ))?;
     }
-    println!("position in rad (m); torque that the simulation lacks to follow the logs in N m (N)");
+    say("position in rad (m); torque that the simulation lacks to follow the logs in N m (N)")?;
     if let Some(file) = &args.json {
         let result = json!({
             "robot": robot.name,

@@ -126,18 +126,16 @@ impl Model {
         }
     }
 
-    /// Memory for a joint at rest at `position` whose command has been `input`.
-    pub fn memory(&self, position: f64, input: f64) -> Memory {
+    /// Memory for a joint at `position` with `velocity` whose command has been `input`, which drives it towards the sign of
+    /// `ahead`.
+    pub fn memory(&self, (position, velocity): (f64, f64), input: f64, ahead: f64) -> Memory {
         let followed = self.command.rounded(input);
         Memory {
             targets: Ring::new(self.command.delay, followed),
             readings: Ring::new(self.sensor.delay, self.sensor.read(position)),
             followed,
-            velocity: 0.0,
-            rotor: Rotor {
-                position,
-                velocity: 0.0,
-            },
+            velocity,
+            rotor: self.transmission.rotor(position, velocity, ahead),
             motor: 0.0,
             shift: 0.0,
         }
@@ -208,11 +206,10 @@ impl Model {
                 torque_min: low,
                 torque_max: high,
             };
-            let (coupling, motor) = self
+            let coupling = self
                 .transmission
-                .step(&mut memory.rotor, &servo, position, velocity, self.dt);
-            memory.motor = motor;
-            (*drive.target, *drive.stiffness, *drive.damping) = (coupling.target, coupling.stiffness, coupling.damping);
+                .begin(&mut memory.rotor, &servo, position, velocity, self.dt);
+            (*drive.target, *drive.stiffness, *drive.damping) = (target, 0.0, coupling.damping);
             *drive.feed_forward = coupling.feed_forward + extra;
             (*drive.torque_min, *drive.torque_max) = (coupling.torque_min + extra, coupling.torque_max + extra);
         } else {
@@ -223,7 +220,16 @@ impl Model {
         memory.shift = extra;
     }
 
-    /// Reads the encoder of the joint at `position`, once a physics step.
+    /// Ends a physics step of a joint that is now at `position` with `velocity` and got `torque` from the engine's drive.
+    pub fn finish(&self, memory: &mut Memory, (position, velocity, torque): (f64, f64, f64)) {
+        if self.transmission.is_split() {
+            let own = torque - memory.shift;
+            memory.motor = self.transmission.end(&mut memory.rotor, own, velocity, self.dt);
+        }
+        self.read(memory, position);
+    }
+
+    /// Reads the encoder of the joint at `position`.
     pub fn read(&self, memory: &mut Memory, position: f64) -> f64 {
         let behind = self.transmission.is_split() && self.transmission.motor_encoder;
         let seen = if behind { memory.rotor.position } else { position };
@@ -243,9 +249,10 @@ impl Model {
 }
 
 impl Memory {
-    /// Position of the rotor where it is a body of its own, else where the joint started, rad or m.
-    pub fn position(&self) -> f64 {
-        self.rotor.position
+    /// Position and velocity of the rotor where it is a body of its own, else of the joint when it started; rad or m, rad/s or
+    /// m/s.
+    pub fn state(&self) -> (f64, f64) {
+        (self.rotor.position, self.rotor.velocity)
     }
 
     /// The motor's torque in the last step, N m or N.
@@ -269,6 +276,9 @@ impl Memory {
             velocity,
             &mut rotor.position,
             &mut rotor.velocity,
+            &mut rotor.motor.torque,
+            &mut rotor.motor.by_rotor,
+            &mut rotor.motor.by_joint,
             motor,
             shift,
         ]

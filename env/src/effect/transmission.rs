@@ -1,8 +1,9 @@
 //! What lies between motor and joint: a spring, a gap. Both are one model of two masses.
 //!
-//! The rotor (the joint's armature) is a body of its own, coupled to the joint by a spring and a damper that act
-//! outside the gap. The spring is implicit on both sides: the rotor's step is solved here against where the joint is
-//! going, the joint's in the engine against where the rotor went.
+//! The rotor (the joint's armature) is a body of its own, coupled to the joint by a spring and a damper that act outside
+//! the gap. Both bodies are one implicit step: the rotor's velocity after it is linear in the joint's, so what the joint
+//! feels is a torque and a damping, which the engine solves with the rest of the robot; from the torque that came out, the
+//! rotor's step follows. What one body gets the other gives, to rounding.
 
 use super::catalogue::{Bounds, Info, Parameter, Place, Scale, Site, positive};
 
@@ -75,24 +76,37 @@ pub(super) struct Transmission {
     damping: f64,
 }
 
-/// Rotor position and velocity at the joint.
+/// A rotor: where it is, and what the motor gives it in the step that is under way.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rotor {
+    /// Position at the joint, rad or m.
     pub position: f64,
+    /// Velocity at the joint, rad/s or m/s.
     pub velocity: f64,
+    /// `torque - by_rotor v_rotor - by_joint v_joint` with the velocities after the step.
+    pub motor: Motor,
 }
 
-/// A spring-damper that holds the joint, in the terms of [`crate::engine::Drive`].
+/// A motor's torque over a step, linear in the velocities at its end.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Motor {
+    /// Torque were both at rest, N m or N.
+    pub torque: f64,
+    /// Fall with the rotor's velocity, N m s/rad or N s/m.
+    pub by_rotor: f64,
+    /// Fall with the joint's velocity, N m s/rad or N s/m.
+    pub by_joint: f64,
+}
+
+/// What a joint feels of its rotor, in the terms of [`crate::engine::Drive`]: a damper and a torque with a clamp.
 pub(super) struct Coupling {
-    pub target: f64,
-    pub stiffness: f64,
     pub damping: f64,
     pub feed_forward: f64,
     pub torque_min: f64,
     pub torque_max: f64,
 }
 
-/// The servo as the rotor sees it: `torque = clamp(stiffness (target - q) - damping dq + feed_forward)`.
+/// A servo: `torque = clamp(stiffness (target - q) - damping dq + feed_forward)`.
 pub(super) struct Servo {
     pub target: f64,
     pub stiffness: f64,
@@ -121,68 +135,101 @@ impl Transmission {
         self.damping = if self.gap > 0.0 { DAMPING_RATIO } else { 0.1 } * critical;
     }
 
-    /// Moves the rotor by a step of `dt` s under `servo`, beside a joint at `position` with `velocity`.
-    /// Returns the coupling for the joint's step, and the motor's torque.
-    pub fn step(&self, rotor: &mut Rotor, servo: &Servo, position: f64, velocity: f64, dt: f64) -> (Coupling, f64) {
-        let half = 0.5 * self.gap;
-        let play = rotor.position + dt * rotor.velocity - position - dt * velocity;
-        // Which end of the gap is touched, and by how much.
-        let side = if play > half {
-            half
-        } else if play < -half {
-            -half
-        } else if self.gap > 0.0 {
-            f64::NAN
-        } else {
+    /// The rotor of a joint at `position` with `velocity`, with which it moves: at the end of the gap that pushes where the
+    /// motor has been asked to go `ahead`, in the middle where nothing has been asked.
+    pub fn rotor(&self, position: f64, velocity: f64, ahead: f64) -> Rotor {
+        let lead = if ahead == 0.0 {
             0.0
-        };
-        let touching = !side.is_nan();
-        let (k, b) = if touching {
-            (self.stiffness, self.damping)
         } else {
-            (0.0, 0.0)
+            0.5 * self.gap.copysign(ahead)
         };
-        let side = if touching { side } else { 0.0 };
-        let target = position + dt * velocity + side;
-        let solve = |k_servo: f64, d_servo: f64, torque: f64| {
-            let load = k * (target - rotor.position) + b * velocity;
-            let free = self.rotor * rotor.velocity + dt * (torque - k_servo * rotor.position + load);
-            free / (self.rotor + dt * (d_servo + b) + dt * dt * (k_servo + k))
+        Rotor {
+            position: position + lead,
+            velocity,
+            motor: Motor::default(),
+        }
+    }
+
+    /// Begins a step of `dt` s of the rotor under `servo`, beside a joint at `position` with `velocity`: what the joint feels
+    /// of it.
+    pub fn begin(&self, rotor: &mut Rotor, servo: &Servo, position: f64, velocity: f64, dt: f64) -> Coupling {
+        let touched = self.touched(rotor, position, velocity, dt);
+        // Without contact there is neither spring nor slope.
+        let (spring, slope) = touched.map_or((0.0, 0.0), |end| {
+            let bent = rotor.position - end - position;
+            (self.stiffness * bent, dt * self.stiffness + self.damping)
+        });
+        // The rotor's velocity after the step over `alpha + beta v` with the joint's velocity v after it.
+        let answer = |motor: &Motor| {
+            let inertia = self.rotor + dt * (motor.by_rotor + slope);
+            let alpha = (self.rotor * rotor.velocity + dt * (motor.torque - spring)) / inertia;
+            (alpha, dt * (slope - motor.by_joint) / inertia)
         };
-        let wanted = servo.stiffness * servo.target + servo.feed_forward;
-        // A servo that works with the joint's encoder has no stiffness against the rotor.
-        let (own, against) = if self.motor_encoder {
-            ((servo.stiffness, servo.damping), wanted)
+        let resistance = servo.damping + dt * servo.stiffness;
+        let wanted = |seen: f64| servo.stiffness * (servo.target - seen) + servo.feed_forward;
+        let mut motor = if self.motor_encoder {
+            Motor {
+                torque: wanted(rotor.position),
+                by_rotor: resistance,
+                by_joint: 0.0,
+            }
         } else {
-            let torque = servo.stiffness * (servo.target - position) - servo.damping * velocity + servo.feed_forward;
-            ((0.0, 0.0), torque)
+            Motor {
+                torque: wanted(position),
+                by_rotor: 0.0,
+                by_joint: resistance,
+            }
         };
-        let mut next = solve(own.0, own.1, against);
-        let torque = against - own.0 * (rotor.position + dt * next) - own.1 * next;
+        let (alpha, beta) = answer(&motor);
+        let torque = motor.at(alpha + beta * velocity, velocity);
         let limited = torque.clamp(servo.torque_min, servo.torque_max);
         if limited != torque {
-            next = solve(0.0, 0.0, limited);
+            motor = Motor {
+                torque: limited,
+                ..Motor::default()
+            };
         }
-        rotor.velocity = next;
-        rotor.position += dt * next;
-        let pushing = if side > 0.0 {
-            (0.0, STRONGEST)
-        } else {
-            (-STRONGEST, 0.0)
+        rotor.motor = motor;
+        let (alpha, beta) = answer(&motor);
+        let (torque_min, torque_max) = match touched {
+            None => (0.0, 0.0),
+            // The end of a gap pushes and never pulls.
+            Some(end) if end > 0.0 => (0.0, STRONGEST),
+            Some(end) if end < 0.0 => (-STRONGEST, 0.0),
+            Some(_) => (-STRONGEST, STRONGEST),
         };
-        let (torque_min, torque_max) = match (touching, self.gap > 0.0) {
-            (false, _) => (0.0, 0.0),
-            (true, true) => pushing,
-            (true, false) => (-STRONGEST, STRONGEST),
-        };
-        let coupling = Coupling {
-            target: rotor.position - side,
-            stiffness: k,
-            damping: b,
-            feed_forward: b * rotor.velocity,
+        Coupling {
+            damping: slope * (1.0 - beta),
+            feed_forward: spring + slope * alpha,
             torque_min,
             torque_max,
-        };
-        (coupling, limited)
+        }
+    }
+
+    /// Ends the step of `dt` s: the joint got `torque` from the rotor and moves with `velocity` now. Returns the motor's torque.
+    pub fn end(&self, rotor: &mut Rotor, torque: f64, velocity: f64, dt: f64) -> f64 {
+        let motor = rotor.motor;
+        let pushed = motor.torque - motor.by_joint * velocity - torque;
+        rotor.velocity = (self.rotor * rotor.velocity + dt * pushed) / (self.rotor + dt * motor.by_rotor);
+        rotor.position += dt * rotor.velocity;
+        motor.at(rotor.velocity, velocity)
+    }
+
+    /// Which end of the gap is touched after a step at the present velocities, as the rotor's lead over the joint there; 0 for
+    /// a spring without a gap.
+    fn touched(&self, rotor: &Rotor, position: f64, velocity: f64, dt: f64) -> Option<f64> {
+        if self.gap == 0.0 {
+            return Some(0.0);
+        }
+        let half = 0.5 * self.gap;
+        let lead = rotor.position + dt * rotor.velocity - position - dt * velocity;
+        (lead.abs() > half).then_some(half.copysign(lead))
+    }
+}
+
+impl Motor {
+    /// The torque at these velocities.
+    fn at(&self, rotor: f64, joint: f64) -> f64 {
+        self.torque - self.by_rotor * rotor - self.by_joint * joint
     }
 }

@@ -186,7 +186,7 @@ impl Environment {
         self.draw_start(shared, scratch);
         engine.reset(world, &scratch.start, &scratch.world);
         for (d, &position) in scratch.start.joints.iter().enumerate() {
-            actuators.start(d, world, position, position);
+            actuators.start(d, world, (position, 0.0), position);
         }
         let base = engine.base(world);
         let pose = Isometry3::from_parts(Translation3::from(base.position), base.orientation);

@@ -14,8 +14,17 @@ pub struct Candidate {
     pub kind: Kind,
     /// Degree of freedom or link.
     pub target: usize,
+    /// Which of the ways the effect can be.
+    pub variant: usize,
     /// One model of it a start.
     pub starts: Vec<Term>,
+}
+
+impl Candidate {
+    /// What tells candidates apart.
+    pub fn key(&self) -> (Kind, usize, usize) {
+        (self.kind, self.target, self.variant)
+    }
 }
 
 /// Frequencies (cycles per rad or m) that a ripple's fit starts from, by degree of freedom.
@@ -34,10 +43,14 @@ pub fn all(robot: &Robot, data: &Data, model: &Model, scales: &Scales, ripples: 
             if model.has(kind, target) || !applies(kind, target, robot, data, model) {
                 continue;
             }
-            for starts in variants(kind, target, robot, scales, ripples) {
-                if !starts.is_empty() {
-                    out.push(Candidate { kind, target, starts });
-                }
+            let variants = variants(kind, target, robot, scales, ripples);
+            for (variant, starts) in variants.into_iter().enumerate().filter(|(_, s)| !s.is_empty()) {
+                out.push(Candidate {
+                    kind,
+                    target,
+                    variant,
+                    starts,
+                });
             }
         }
     }
@@ -79,6 +92,17 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
         let unit = if absolute { 1.0 } else { scale(i) };
         parameter.starts.iter().map(|s| s * unit).collect()
     };
+    // A single number is looked for over decades: gaps and limits have errors that are flat far from the truth.
+    let ladder = |i: usize| -> Vec<f64> {
+        let neutral = info.parameters[i].neutral.unwrap_or(0.0);
+        let unit = if info.parameters[i].scale == Scale::One {
+            neutral
+        } else {
+            0.0
+        };
+        let spread = |s: f64| LADDER.map(|factor| unit + factor * (s - unit));
+        start(i).into_iter().flat_map(spread).collect()
+    };
     let term = |values: Vec<f64>, free: Vec<usize>| Term {
         kind,
         target,
@@ -90,7 +114,7 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
     match kind {
         Kind::Backlash | Kind::Elasticity => [0.0, 1.0]
             .iter()
-            .map(|&encoder| start(0).into_iter().map(|x| term(vec![x, encoder], vec![0])).collect())
+            .map(|&encoder| ladder(0).into_iter().map(|x| term(vec![x, encoder], vec![0])).collect())
             .collect(),
         Kind::DirectionalFriction => vec![vec![term(vec![0.0, 0.0], vec![0, 1])]],
         Kind::StribeckFriction => {
@@ -116,9 +140,14 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
             let at = |x: f64| term(vec![x, com.x, com.y, com.z], vec![0]);
             vec![start(0).into_iter().map(at).collect()]
         }
-        _ => vec![start(0).into_iter().map(|x| term(vec![x], vec![0])).collect()],
+        _ => vec![ladder(0).into_iter().map(|x| term(vec![x], vec![0])).collect()],
     }
 }
+
+/// Multiples of a single number's starts (of their distance from what does nothing) that are tried.
+const LADDER: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+/// Starts that are followed for a step before the best is fitted.
+const FOLLOWED: usize = 3;
 
 /// Fits `model` with the candidate beside it, from the start that is best after a step. What is on other joints is held:
 /// it is fitted again when the candidate is taken.
@@ -132,6 +161,11 @@ pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, sca
     };
     let mut starts: Vec<Model> = candidate.starts.iter().map(with).collect();
     if starts.len() > 1 {
+        let at_start = data.losses(&starts);
+        let mut order: Vec<usize> = (0..starts.len()).collect();
+        order.sort_by(|&a, &b| total(&at_start[a]).total_cmp(&total(&at_start[b])));
+        order.truncate(FOLLOWED);
+        starts = order.into_iter().map(|i| starts[i].clone()).collect();
         let step = |start: &Model| {
             let (_, slopes) = data.slopes(start, scales);
             let (x, free) = (start.get(scales), start.free(scales));

@@ -15,9 +15,9 @@ use super::trial::Trial;
 /// Candidates in one rollout: a group of the widest lanes.
 pub const LANES: usize = 16;
 /// Most iterations of a fit.
-const ITERATIONS: usize = 12;
+const ITERATIONS: usize = 10;
 /// Relative fall of the loss below which a fit has converged.
-const CONVERGED: f64 = 1e-4;
+const CONVERGED: f64 = 5e-4;
 
 /// The data of a fit: trials with the robot as it was in each, and the weights of their readings.
 #[derive(Clone, Debug)]
@@ -199,6 +199,23 @@ impl Data {
             }
         }
         (losses, slopes)
+    }
+
+    /// Gradient of `model`'s loss against readings as the simulation has them at half the physics step.
+    pub fn pull_of_the_step(&self, model: &Model, scales: &Scales) -> DVector<f64> {
+        let half = Self {
+            finer: 2 * self.finer,
+            ..self.clone()
+        };
+        let predictions = half.predict(std::slice::from_ref(model));
+        let mut at = self.clone();
+        for (trial, parts) in at.trials.iter_mut().zip(&predictions) {
+            for (reading, position) in trial.readings.iter_mut().zip(&parts[0]) {
+                reading.position = *position;
+            }
+        }
+        let (_, slopes) = at.slopes(model, scales);
+        sum(&slopes, &|_| true, model.get(scales).len()).0
     }
 
     /// Fits `model` from its present values over the blocks that `used` names.

@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::cross::{Folds, student_tail};
-use super::fit::{Fit, sum};
+use super::fit::{Data, Fit, sum};
 use super::scales::Scales;
 
 /// Relative error of slopes by finite differences: motion that sticks has kinks.
@@ -13,7 +13,10 @@ const SLOPE_ERROR: f64 = 0.02;
 const PART: f64 = 0.1;
 
 /// Half width of the 95 % interval of every fitted number, in its own unit; infinite where the logs cannot tell.
-pub fn intervals(fit: &Fit, folds: &Folds, scales: &Scales) -> Vec<f64> {
+///
+/// What the physics step leaves open comes on top: by how much the fit would move were the readings those of half the step,
+/// twice, as an integrator of first order is off by twice what half its step changes.
+pub fn intervals(data: &Data, fit: &Fit, folds: &Folds, scales: &Scales) -> Vec<f64> {
     let free = fit.model.free(scales);
     let n = free.len();
     let (_, curvature) = sum(&fit.slopes, &|_| true, n);
@@ -28,8 +31,11 @@ pub fn intervals(fit: &Fit, folds: &Folds, scales: &Scales) -> Vec<f64> {
     let (scatter, clusters) = scatter(fit, folds, &told);
     let covariance = &inverse * scatter * &inverse;
     let quantile = quantile(clusters.saturating_sub(1).max(1) as f64);
+    let pull = data.pull_of_the_step(&fit.model, scales);
+    let moved = &inverse * DVector::from_fn(m, |a, _| pull[told[a]]);
     for (a, &i) in told.iter().enumerate() {
-        out[i] = quantile * covariance[(a, a)].max(0.0).sqrt() * free[i].scale;
+        let noise = quantile * covariance[(a, a)].max(0.0).sqrt();
+        out[i] = (noise + 2.0 * moved[a].abs()) * free[i].scale;
     }
     out
 }

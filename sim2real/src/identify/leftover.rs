@@ -18,8 +18,11 @@ const RIPPLES: usize = 3;
 const SHARE_LEFT: f64 = 0.2;
 /// Beyond so many times the floor's square something is missing even where nothing predicts it.
 const FAR_ABOVE: f64 = 9.0;
-/// A physics step is too coarse when half of it changes more than this share of the residual.
-const COARSE: f64 = 0.1;
+/// A physics step is too coarse to report with when half of it changes more than this share of the residual: values would
+/// be off by as much as noise lets them be known.
+pub const COARSE: f64 = 0.1;
+/// The same to choose with: the integrator then makes a tenth of the squared residual, and the floor knows.
+pub const TOO_COARSE: f64 = 0.3;
 /// Least fall of the loss by a measured table.
 const WORTH: f64 = 0.05;
 
@@ -82,18 +85,15 @@ pub fn weights(data: &Data, model: &Model) -> Vec<f64> {
     sums.into_iter().map(weight).collect()
 }
 
-/// Whether half the physics step changes any joint's readings by a good part of what `model` leaves: what is then fitted
-/// would be the integrator.
+/// Whether half the physics step changes any joint's readings by more than `share` of what `model` leaves: what is then
+/// fitted would be the integrator.
 ///
 /// # Errors
 /// When an engine does not take the robot.
-pub fn is_coarse(data: &Data, model: &Model) -> Result<bool, EngineError> {
+pub fn is_coarse(data: &Data, model: &Model, share: f64) -> Result<bool, EngineError> {
     let left = weights(data, model);
     let changes = noise::discretisation(data, model)?;
-    Ok(changes
-        .iter()
-        .zip(left)
-        .any(|(change, weight)| change * weight > COARSE))
+    Ok(changes.iter().zip(left).any(|(change, weight)| change * weight > share))
 }
 
 /// Weighted root mean square residual.

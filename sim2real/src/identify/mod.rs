@@ -34,14 +34,15 @@ pub use trial::{DT, Trial, TrialError};
 
 use std::collections::BTreeMap;
 
+use omniwalk_env::effect::Kind;
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::{Base, Robot, RobotError};
 
 use crate::recording::{Recording, RecordingError};
 use cross::Folds;
 use fit::Data;
-use leftover::Floor;
-use model::Model;
+use leftover::{COARSE, Floor, TOO_COARSE};
+use model::{Model, Term};
 use select::{Selection, Selector};
 
 /// Why nothing could be identified.
@@ -159,26 +160,23 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     let scales = Scales::new(robot, &split.fit);
     let mut data = Data::new(robot, split.fit.clone())?;
     let folds = Folds::new(&data);
-    let mut choice = choose(robot, &mut data, &scales, &folds, log)?;
-    if data.finer == 1 && leftover::is_coarse(&data, &choice.selection.last.model)? {
-        log("the physics step is too coarse for what was found: again with a finer one");
-        data.finer = FINER;
-        choice = choose(robot, &mut data, &scales, &folds, log)?;
-    }
-    let Choice { selection, floor } = choice;
+    let Choice { selection, floor } = choose(robot, &mut data, &scales, &folds, log)?;
     let all_at_once = task.compare.then(|| {
         let ripples = |model: &Model| leftover::ripples(&data, model, &scales);
-        let selector = Selector {
+        Selector {
             robot,
             data: &data,
             scales: &scales,
             folds: &folds,
             floor: floor.squares(&data),
-        };
-        selector.all_at_once(&selection.refit.model, &ripples)
+            rivals: None,
+            ripples: &ripples,
+            coarse: &|_| false,
+        }
+        .all_at_once(&selection.refit.model)
     });
     let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
-    let intervals = interval::intervals(&selection.last, &folds, &scales);
+    let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
     // The last choice is made: what was held out may be opened.
     let heldout = match task.heldout {
         Some(open) => split::all(robot, &open()?)?,
@@ -210,8 +208,8 @@ struct Choice {
     floor: Floor,
 }
 
-/// Re-tunes the nominal model, then takes the effects that help; the physics step becomes finer where the re-tuned model
-/// already asks for it.
+/// Re-tunes the nominal model, then takes the effects that help; where the physics step is too coarse for a model on the
+/// way, it is made finer, and the steps go on from there.
 fn choose(
     robot: &Robot,
     data: &mut Data,
@@ -223,25 +221,68 @@ fn choose(
     // Joints that are measured well count as much as those that are not: each in units of what the re-tuned model leaves.
     data.weights = leftover::weights(data, &nominal);
     let mut tuned = data.fit(&nominal, scales, &|_| true).model;
-    if data.finer == 1 && leftover::is_coarse(data, &tuned)? {
-        data.finer = FINER;
-        tuned = data.fit(&nominal, scales, &|_| true).model;
+    if leftover::is_coarse(data, &tuned, TOO_COARSE)? {
+        return fine(robot, data, scales, folds, log, (&tuned, &[], None));
     }
-    data.weights = leftover::weights(data, &tuned);
-    let floor = Floor::new(data, &tuned)?;
+    let choice = steps(robot, data, scales, folds, log, (&tuned, &[], None))?;
+    if !leftover::is_coarse(data, &choice.selection.last.model, COARSE)? {
+        return Ok(choice);
+    }
+    log("the physics step is too coarse for what was found: on with a finer one");
+    let found = &choice.selection.last.model;
+    let rivals = choice.selection.rivals();
+    tuned.tuned.clone_from(&choice.selection.refit.model.tuned);
+    fine(robot, data, scales, folds, log, (&tuned, &found.terms, Some(&rivals)))
+}
+
+/// Where steps begin: the re-tuned model, the effects it has already, and what may take their place.
+type From<'a> = (&'a Model, &'a [Term], Option<&'a [(Kind, usize)]>);
+
+/// The same at a finer physics step.
+fn fine(
+    robot: &Robot,
+    data: &mut Data,
+    scales: &Scales,
+    folds: &Folds,
+    log: &dyn Fn(&str),
+    (tuned, terms, rivals): From<'_>,
+) -> Result<Choice, EngineError> {
+    data.finer = FINER;
+    let tuned = data.fit(tuned, scales, &|_| true).model;
+    steps(robot, data, scales, folds, log, (&tuned, terms, rivals))
+}
+
+/// Steps at the data's physics step.
+fn steps(
+    robot: &Robot,
+    data: &mut Data,
+    scales: &Scales,
+    folds: &Folds,
+    log: &dyn Fn(&str),
+    (tuned, terms, rivals): From<'_>,
+) -> Result<Choice, EngineError> {
+    data.weights = leftover::weights(data, tuned);
+    let data = &*data;
+    let floor = Floor::new(data, tuned)?;
     log(&format!(
-        "re-tuned: {:.5} of the readings' scale; floor {:.5}",
-        leftover::root(data, &tuned),
-        floor.root()
+        "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",
+        leftover::root(data, tuned),
+        floor.root(),
+        data.finer
     ));
+    let ripples = |model: &Model| leftover::ripples(data, model, scales);
+    // An engine that simulated all of them before does so now.
+    let coarse = |model: &Model| data.finer == 1 && leftover::is_coarse(data, model, TOO_COARSE).unwrap_or(false);
     let selector = Selector {
         robot,
         data,
         scales,
         folds,
         floor: floor.squares(data),
+        rivals,
+        ripples: &ripples,
+        coarse: &coarse,
     };
-    let ripples = |model: &Model| leftover::ripples(data, model, scales);
-    let selection = selector.run(&tuned, &ripples, log);
+    let selection = selector.run(tuned, terms, log);
     Ok(Choice { selection, floor })
 }

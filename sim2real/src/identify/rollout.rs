@@ -54,7 +54,7 @@ impl<'a> Rollout<'a> {
             engine.reset(w, &start, &World::nominal(robot, GROUND));
             for (d, told) in trial.told.iter().enumerate() {
                 let target = if told.effort { start.joints[d] } else { told.command[0] };
-                actuators.start(d, w, start.joints[d], target);
+                actuators.start(d, w, (start.joints[d], start.joint_velocities[d]), target);
                 let past = |age: usize| {
                     let age = (age as f64 * dt / DT).round() as usize;
                     let told = told.past[age.clamp(1, told.past.len()) - 1];

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::candidates::{self, Candidate, Ripples};
 use super::cross::{Folds, Gain};
 use super::fit::{Data, Fit, Loss, total};
-use super::model::Model;
+use super::model::{Model, Term};
 use super::scales::Scales;
 
 /// Probability of a false alarm in a step, over all effects tried.
@@ -27,6 +27,8 @@ pub const ABOVE_FLOOR: f64 = 1.5;
 const APART: f64 = 0.02;
 /// ... and at least this share of the loss.
 const APART_SHARE: f64 = 0.01;
+/// Share of what the best effect takes of the loss from which on another may stand for it.
+const RIVAL: f64 = 0.25;
 /// Most effects.
 const MOST: usize = 8;
 /// Singles of which pairs are made.
@@ -39,8 +41,10 @@ pub struct Rejected {
     pub kind: Kind,
     /// Where.
     pub target: usize,
-    /// Best gain it had in any step.
+    /// What it gained in the last step it was tried in.
     pub gain: Gain,
+    /// Largest share of the loss it took in any step.
+    pub most: f64,
     /// Why not.
     pub reason: String,
 }
@@ -64,7 +68,8 @@ pub struct Selection {
     pub last: Fit,
     /// Its cross-validated loss.
     pub cross: Vec<Loss>,
-    /// Probability by chance of each effect's gain, in the order of the model's terms, corrected.
+    /// Probability by chance of each effect's gain beside the others, in the order of the model's terms, corrected for the
+    /// number of effects tried.
     pub p_values: Vec<f64>,
     /// What was not taken.
     pub rejected: Vec<Rejected>,
@@ -72,6 +77,18 @@ pub struct Selection {
     pub alike: Vec<Alike>,
     /// Effects tried in the largest step.
     pub tried: usize,
+    /// Largest share of the loss that an effect took in any step.
+    pub best: f64,
+}
+
+impl Selection {
+    /// What may stand for an effect of the model: what it has, and what in some step took a good part of what the best took.
+    pub fn rivals(&self) -> Vec<(Kind, usize)> {
+        let best = self.rejected.iter().map(|r| r.most).fold(self.best, f64::max);
+        let good = self.rejected.iter().filter(|r| r.most >= RIVAL * best);
+        let own = self.last.model.terms.iter().map(|term| (term.kind, term.target));
+        good.map(|r| (r.kind, r.target)).chain(own).collect()
+    }
 }
 
 /// What a selection works with.
@@ -86,6 +103,12 @@ pub struct Selector<'a> {
     pub folds: &'a Folds,
     /// Weighted loss that noise and the integrator leave.
     pub floor: f64,
+    /// Effects that may take another's place; all when `None`.
+    pub rivals: Option<&'a [(Kind, usize)]>,
+    /// Where ripples may start, by a model's residual.
+    pub ripples: &'a (dyn Fn(&Model) -> Ripples + Sync),
+    /// Whether a model cannot be judged at this physics step: steps then end.
+    pub coarse: &'a (dyn Fn(&Model) -> bool + Sync),
 }
 
 /// A fit with its cross-validated loss.
@@ -106,13 +129,26 @@ fn is_delay(kind: Kind) -> bool {
     matches!(kind, Kind::CommandDelay | Kind::SensorDelay)
 }
 
+/// Effects of a model, in a fixed order.
+type Terms = Vec<(&'static str, usize)>;
+
+fn terms(model: &Model) -> Terms {
+    let own = model.terms.iter().map(|term| (term.kind.id(), term.target));
+    let mut own: Terms = own.collect();
+    own.sort_unstable();
+    own
+}
+
 /// Where the steps are.
 struct Steps {
     now: Judged,
-    p_values: Vec<f64>,
     rejected: Vec<Rejected>,
     /// Effects tried in the largest step.
     most: usize,
+    /// What was fitted already, by the effects it has.
+    known: Vec<(Terms, Judged)>,
+    /// What was tried already, by the effects it was tried beside.
+    tried: Vec<(Terms, (Kind, usize, usize), Judged)>,
 }
 
 impl Selector<'_> {
@@ -133,19 +169,29 @@ impl Selector<'_> {
         gain.share >= WORTH && gain.share * loss >= WORTH_OF_GAP * (loss - self.floor)
     }
 
-    /// Runs all steps from `nominal`; `ripples` finds where ripples may start from a model's residual; `log` hears of progress.
-    pub fn run(&self, nominal: &Model, ripples: &dyn Fn(&Model) -> Ripples, log: &dyn Fn(&str)) -> Selection {
+    /// Runs all steps from the re-tuned `nominal` with the effects of `first`; `log` hears of progress.
+    pub fn run(&self, nominal: &Model, first: &[Term], log: &dyn Fn(&str)) -> Selection {
         let refit = self.fit(nominal);
         let mut steps = Steps {
             now: refit.clone(),
-            p_values: Vec::new(),
             rejected: Vec::new(),
             most: 0,
+            known: vec![(Terms::new(), refit.clone())],
+            tried: Vec::new(),
         };
+        if !first.is_empty() {
+            let mut model = refit.fit.model.clone();
+            model.terms.extend_from_slice(first);
+            steps.now = self.fit(&model);
+            self.drop_needless(&mut steps);
+        }
         // Everything else leans on when things happened.
         for stage in [Stage::Delays, Stage::All] {
-            while steps.now.fit.model.terms.len() < MOST && total(&steps.now.cross) > ABOVE_FLOOR * self.floor {
-                if !self.step(&mut steps, stage, ripples) {
+            while steps.now.fit.model.terms.len() < MOST
+                && total(&steps.now.cross) > ABOVE_FLOOR * self.floor
+                && !(self.coarse)(&steps.now.fit.model)
+            {
+                if !self.step(&mut steps, stage) {
                     break;
                 }
                 let names = steps.now.fit.model.terms.iter().map(|term| term.kind.id());
@@ -156,13 +202,16 @@ impl Selector<'_> {
                 ));
             }
         }
+        self.merge(&mut steps);
+        let alike = self.exchange(&mut steps);
+        let p_values = self.p_values(&mut steps);
+        let most_taken = steps.rejected.iter().map(|r| r.most).fold(0.0, f64::max);
         let Steps {
-            mut now,
-            p_values,
+            now,
             mut rejected,
             most,
+            ..
         } = steps;
-        let alike = self.exchange(&mut now, ripples);
         for rejected in &mut rejected {
             rejected.reason = self.reason(&rejected.gain, most);
         }
@@ -176,17 +225,17 @@ impl Selector<'_> {
             rejected,
             alike,
             tried: most,
+            best: most_taken,
         }
     }
 
     /// Takes the effect or pair that helps most; false when none does.
-    fn step(&self, steps: &mut Steps, stage: Stage, ripples: &dyn Fn(&Model) -> Ripples) -> bool {
-        let now = &steps.now;
-        let found = ripples(&now.fit.model);
-        let mut candidates = candidates::all(self.robot, self.data, &now.fit.model, self.scales, &found);
+    fn step(&self, steps: &mut Steps, stage: Stage) -> bool {
+        let now = steps.now.clone();
+        let mut candidates = self.candidates(&now.fit.model);
         candidates.retain(|candidate| stage == Stage::All || is_delay(candidate.kind));
         steps.most = steps.most.max(candidates.len());
-        let tried = self.try_all(now, &candidates);
+        let tried = self.try_all(steps, &now, &candidates);
         for (candidate, judged) in candidates.iter().zip(&tried) {
             note(
                 &mut steps.rejected,
@@ -195,27 +244,41 @@ impl Selector<'_> {
             );
         }
         let chosen = match stage {
-            Stage::Delays => self.best(now, &tried, candidates.len()),
-            Stage::All => self.choose(now, &candidates, &tried),
+            Stage::Delays => self.best(&now, &tried, candidates.len()),
+            Stage::All => self.choose(&now, &candidates, &tried),
         };
-        let Some((next, p)) = chosen else {
+        let Some(next) = chosen else {
             return false;
         };
-        let added = next.fit.model.terms.len() - now.fit.model.terms.len();
-        steps.p_values.extend(std::iter::repeat_n(p, added));
         steps.now = if self.robot.dofs.len() > 1 {
             self.fit(&next.fit.model)
         } else {
             next
         };
-        self.drop_needless(&mut steps.now, &mut steps.p_values);
+        steps.known.push((terms(&steps.now.fit.model), steps.now.clone()));
+        self.drop_needless(steps);
         true
     }
 
+    /// What may be tried beside `model`.
+    fn candidates(&self, model: &Model) -> Vec<Candidate> {
+        let found = (self.ripples)(model);
+        candidates::all(self.robot, self.data, model, self.scales, &found)
+    }
+
+    /// What may take the place of `terms` beside `model`.
+    fn rivals(&self, model: &Model, terms: &[&Term]) -> Vec<Candidate> {
+        let mut candidates = self.candidates(model);
+        let own = |c: &Candidate| terms.iter().any(|term| (term.kind, term.target) == (c.kind, c.target));
+        let worth = |c: &Candidate| self.rivals.is_none_or(|rivals| rivals.contains(&(c.kind, c.target)));
+        candidates.retain(|candidate| !own(candidate) && worth(candidate));
+        candidates
+    }
+
     /// Every effect of the catalogue at once, each from its first start: what is compared with, not what is chosen.
-    pub fn all_at_once(&self, tuned: &Model, ripples: &dyn Fn(&Model) -> Ripples) -> Model {
+    pub fn all_at_once(&self, tuned: &Model) -> Model {
         let mut model = tuned.clone();
-        for candidate in candidates::all(self.robot, self.data, tuned, self.scales, &ripples(tuned)) {
+        for candidate in candidates::all(self.robot, self.data, tuned, self.scales, &(self.ripples)(tuned)) {
             if !model.has(candidate.kind, candidate.target) {
                 model.terms.push(candidate.starts[0].clone());
             }
@@ -223,8 +286,15 @@ impl Selector<'_> {
         self.data.fit(&model, self.scales, &|_| true).model
     }
 
-    fn try_all(&self, now: &Judged, candidates: &[Candidate]) -> Vec<Judged> {
-        let one = |candidate: &Candidate| {
+    /// Every candidate beside `now`; what was tried there before is not tried again.
+    fn try_all(&self, steps: &mut Steps, now: &Judged, candidates: &[Candidate]) -> Vec<Judged> {
+        let own = terms(&now.fit.model);
+        let known = |steps: &Steps, candidate: &Candidate| {
+            let same = |(beside, key, _): &&(Terms, _, Judged)| *beside == own && *key == candidate.key();
+            steps.tried.iter().find(same).map(|(_, _, judged)| judged.clone())
+        };
+        let new: Vec<&Candidate> = candidates.iter().filter(|c| known(steps, c).is_none()).collect();
+        let one = |candidate: &&Candidate| {
             self.judge(candidates::fit(
                 self.robot,
                 self.data,
@@ -233,11 +303,15 @@ impl Selector<'_> {
                 self.scales,
             ))
         };
-        candidates.par_iter().map(one).collect()
+        let judged: Vec<Judged> = new.par_iter().map(one).collect();
+        let keys = new.iter().map(|candidate| candidate.key());
+        let entries = keys.zip(judged).map(|(key, judged)| (own.clone(), key, judged));
+        steps.tried.extend(entries);
+        candidates.iter().filter_map(|c| known(steps, c)).collect()
     }
 
     /// The best single effect that is worth it and significant, else the best pair.
-    fn choose(&self, now: &Judged, candidates: &[Candidate], tried: &[Judged]) -> Option<(Judged, f64)> {
+    fn choose(&self, now: &Judged, candidates: &[Candidate], tried: &[Judged]) -> Option<Judged> {
         if let Some(best) = self.best(now, tried, candidates.len()) {
             return Some(best);
         }
@@ -258,12 +332,12 @@ impl Selector<'_> {
         // A pair must be worth two effects.
         let count = candidates.len() * candidates.len() / 2;
         let best = self.best(now, &pairs, count)?;
-        let gain = self.folds.gain(&now.cross, &best.0.cross);
+        let gain = self.folds.gain(&now.cross, &best.cross);
         (gain.share >= 2.0 * WORTH).then_some(best)
     }
 
     /// The best of `tried`; among those no worse, one with fewer numbers.
-    fn best(&self, now: &Judged, tried: &[Judged], count: usize) -> Option<(Judged, f64)> {
+    fn best(&self, now: &Judged, tried: &[Judged], count: usize) -> Option<Judged> {
         let good = |judged: &&Judged| {
             let gain = self.folds.gain(&now.cross, &judged.cross);
             self.worth(&now.cross, &gain) && gain.p * count as f64 <= FALSE_ALARM
@@ -274,9 +348,7 @@ impl Selector<'_> {
         let simpler = good
             .iter()
             .filter(|other| own(other) < own(best) && !self.apart(&other.cross, &best.cross));
-        let best = simpler.min_by_key(|other| own(other)).copied().unwrap_or(best);
-        let p = (self.folds.gain(&now.cross, &best.cross).p * count as f64).min(1.0);
-        Some((best.clone(), p))
+        Some(simpler.min_by_key(|other| own(other)).copied().unwrap_or(best).clone())
     }
 
     /// Whether `better` predicts better than `worse` beyond chance. What is off by no more than noise cannot be ruled out,
@@ -286,60 +358,91 @@ impl Selector<'_> {
         gain.share >= APART_SHARE && gain.p <= APART && total(worse) > self.floor
     }
 
+    /// The fit with the terms of `model`, which may be known already.
+    fn known(&self, steps: &mut Steps, model: &Model) -> Judged {
+        let own = terms(model);
+        if let Some((_, judged)) = steps.known.iter().find(|(terms, _)| *terms == own) {
+            return judged.clone();
+        }
+        let judged = self.fit(model);
+        steps.known.push((own, judged.clone()));
+        judged
+    }
+
     /// Takes out what the model predicts as well without.
-    fn drop_needless(&self, now: &mut Judged, p_values: &mut Vec<f64>) {
+    fn drop_needless(&self, steps: &mut Steps) {
         let mut i = 0;
-        while now.fit.model.terms.len() > 1 && i < now.fit.model.terms.len() {
-            let mut model = now.fit.model.clone();
+        while i < steps.now.fit.model.terms.len() {
+            let mut model = steps.now.fit.model.clone();
             model.terms.remove(i);
-            let without = self.fit(&model);
-            let gain = self.folds.gain(&without.cross, &now.cross);
+            let without = self.known(steps, &model);
+            let gain = self.folds.gain(&without.cross, &steps.now.cross);
             if self.worth(&without.cross, &gain) && gain.p <= APART {
                 i += 1;
             } else {
-                *now = without;
-                p_values.remove(i);
+                steps.now = without;
                 i = 0;
             }
         }
     }
 
+    /// Tries a single effect in the place of every two that were taken: steps take the best next one, and two that each
+    /// explain a part can stand where one explains both.
+    fn merge(&self, steps: &mut Steps) {
+        'again: loop {
+            let count = steps.now.fit.model.terms.len();
+            for i in 0..count {
+                for j in i + 1..count {
+                    let mut base = steps.now.fit.model.clone();
+                    let second = base.terms.remove(j);
+                    let first = base.terms.remove(i);
+                    let without = self.known(steps, &base);
+                    let candidates = self.rivals(&without.fit.model, &[&first, &second]);
+                    let tried = self.try_all(steps, &without, &candidates);
+                    let best = tried.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
+                    if let Some(best) = best.filter(|best| !self.apart(&best.cross, &steps.now.cross)) {
+                        steps.now = best.clone();
+                        continue 'again;
+                    }
+                }
+            }
+            return;
+        }
+    }
+
     /// Tries every other effect in the place of each that was taken. A better one takes its place; equally good ones are
     /// returned.
-    fn exchange(&self, now: &mut Judged, ripples: &dyn Fn(&Model) -> Ripples) -> Vec<Alike> {
+    fn exchange(&self, steps: &mut Steps) -> Vec<Alike> {
         let mut alike = Vec::new();
-        for i in 0..now.fit.model.terms.len() {
-            let mut base = now.fit.model.clone();
-            let term = base.terms.remove(i);
-            let without = self.fit(&base);
-            let found = ripples(&base);
-            let mut candidates = candidates::all(self.robot, self.data, &base, self.scales, &found);
-            candidates.retain(|other| (other.kind, other.target) != (term.kind, term.target));
-            let tried = self.try_all(&without, &candidates);
+        for i in 0..steps.now.fit.model.terms.len() {
+            let mut base = steps.now.fit.model.clone();
+            let mut term = base.terms.remove(i);
+            let without = self.known(steps, &base);
+            let candidates = self.rivals(&without.fit.model, &[&term]);
+            let tried = self.try_all(steps, &without, &candidates);
             let better = (0..tried.len())
                 .filter(|&k| {
-                    size(&tried[k].fit.model) <= size(&now.fit.model) && self.apart(&now.cross, &tried[k].cross)
+                    size(&tried[k].fit.model) <= size(&steps.now.fit.model)
+                        && self.apart(&steps.now.cross, &tried[k].cross)
                 })
                 .min_by(|&a, &b| total(&tried[a].cross).total_cmp(&total(&tried[b].cross)));
-            let mut term = term;
             if let Some(k) = better {
-                *now = self.fit(&tried[k].fit.model);
                 // The exchanged term stands last; terms are visited by place, so it takes the old one's.
-                let last = now.fit.model.terms.len() - 1;
-                now.fit.model.terms[i..=last].rotate_right(1);
-                *now = self.fit(&now.fit.model);
-                term = now.fit.model.terms[i].clone();
+                let mut model = tried[k].fit.model.clone();
+                model.terms[i..].rotate_right(1);
+                steps.now = self.fit(&model);
+                term = model.terms[i].clone();
             }
             let mut others: Vec<(Kind, usize)> = Vec::new();
             for (candidate, judged) in candidates.iter().zip(&tried) {
                 let helps = self.worth(&without.cross, &self.folds.gain(&without.cross, &judged.cross));
                 // What needs more numbers to do the same is no equal explanation.
-                let plain = size(&judged.fit.model) <= size(&now.fit.model);
+                let plain = size(&judged.fit.model) <= size(&steps.now.fit.model);
                 let own = (candidate.kind, candidate.target);
                 if own == (term.kind, term.target) {
                     continue;
                 }
-                if helps && plain && !self.apart(&judged.cross, &now.cross) && !others.contains(&own) {
+                if helps && plain && !self.apart(&judged.cross, &steps.now.cross) && !others.contains(&own) {
                     others.push(own);
                 }
             }
@@ -351,6 +454,18 @@ impl Selector<'_> {
             }
         }
         alike
+    }
+
+    /// Probability by chance of what each term gains beside the others, corrected for the number of effects tried.
+    fn p_values(&self, steps: &mut Steps) -> Vec<f64> {
+        let now = steps.now.clone();
+        let one = |i: usize| {
+            let mut model = now.fit.model.clone();
+            model.terms.remove(i);
+            let without = self.known(steps, &model);
+            (self.folds.gain(&without.cross, &now.cross).p * steps.most.max(1) as f64).min(1.0)
+        };
+        (0..now.fit.model.terms.len()).map(one).collect()
     }
 
     fn reason(&self, gain: &Gain, count: usize) -> String {
@@ -374,10 +489,14 @@ fn note(rejected: &mut Vec<Rejected>, candidate: &Candidate, gain: Gain) {
     let own = (candidate.kind, candidate.target);
     match rejected.iter_mut().find(|r| (r.kind, r.target) == own) {
         // The last step counts: it is what the effect does beside all that was taken.
-        Some(rejected) => rejected.gain = gain,
+        Some(rejected) => {
+            rejected.most = rejected.most.max(gain.share);
+            rejected.gain = gain;
+        }
         None => rejected.push(Rejected {
             kind: candidate.kind,
             target: candidate.target,
+            most: gain.share,
             gain,
             reason: String::new(),
         }),

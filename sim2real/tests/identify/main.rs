@@ -81,7 +81,7 @@ fn delays_of_command_and_reading_are_named_together() {
 
 #[test]
 fn held_out_logs_change_nothing_but_the_report() {
-    let truth = rig(&[(Kind::CommandRateLimit, &[2.0])]);
+    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4])]);
     let with = |held| {
         let outcome = identify(&rig(&[]), logs(&truth, 3, 1), Some(held));
         serde_json::to_string(&(
@@ -97,7 +97,7 @@ fn held_out_logs_change_nothing_but_the_report() {
 
 #[test]
 fn threads_change_no_bit() {
-    let truth = rig(&[(Kind::CommandRateLimit, &[2.0])]);
+    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4])]);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)

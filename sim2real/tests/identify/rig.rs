@@ -67,7 +67,7 @@ fn log(truth: &Robot, seed: u64) -> Recording {
         rolling: 0.0,
     };
     engine.reset(0, &Start::nominal(truth), &World::nominal(truth, ground));
-    actuators.start(0, 0, 0.0, 0.0);
+    actuators.start(0, 0, (0.0, 0.0), 0.0);
     let mut joint = JointRecord {
         name: "hinge".into(),
         ..JointRecord::default()
