@@ -3,6 +3,7 @@
 pub mod command;
 pub mod complaint;
 pub mod config;
+pub mod crosscheck;
 pub mod deployed;
 pub mod eval;
 pub mod export;

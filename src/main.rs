@@ -1,13 +1,15 @@
 //! The command line of omniwalk.
 //!
-//! Bad input ends in a report on stderr and exit code 2, and nothing is written.
+//! Bad input ends in a report on stderr and exit code 2, and nothing is written. A cross-check that fails ends in exit code 1.
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 #[cfg(unix)]
 use omniwalk::command::rehearse;
-use omniwalk::command::{bench, eval, excite, export, identify, init, inspect, replay, report, train, view};
+use omniwalk::command::{
+    bench, crosscheck, eval, excite, export, identify, init, inspect, replay, report, train, view,
+};
 use omniwalk::terminal::OutputError;
 
 /// Teaches a humanoid robot to walk in any direction, on an ordinary CPU.
@@ -29,6 +31,7 @@ enum Command {
     Excite(excite::Args),
     Replay(replay::Args),
     Bench(bench::Args),
+    Crosscheck(crosscheck::Args),
     #[cfg(unix)]
     Rehearse(rehearse::Args),
     Report(report::Args),
@@ -46,6 +49,10 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Excite(args) => excite::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Crosscheck(args) => match crosscheck::run(&args) {
+            Ok(false) => return ExitCode::FAILURE,
+            result => result.map(drop),
+        },
         #[cfg(unix)]
         Command::Rehearse(args) => rehearse::run(&args),
         Command::Report(args) => report::run(&args),

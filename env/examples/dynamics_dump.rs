@@ -222,16 +222,7 @@ impl Momentum {
             &start.joint_velocities,
         );
         let center = kinematics.center_of_mass(robot.links.iter().map(|link| &link.inertial));
-        let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
-        for (index, link) in robot.links.iter().enumerate() {
-            let pose = kinematics.pose(index);
-            let com = pose * Point3::from(link.inertial.com);
-            let momentum = link.inertial.mass * kinematics.velocity_at(index, &com);
-            let rotation = pose.rotation.to_rotation_matrix();
-            let spin = rotation * link.inertial.inertia * rotation.inverse() * kinematics.angular_velocity(index);
-            linear += momentum;
-            angular += (com - center).cross(&momentum) + spin;
-        }
+        let (linear, angular) = kinematics.momentum(robot);
         let poses = (0..robot.links.len())
             .map(|index| pose(kinematics.pose(index)))
             .collect();

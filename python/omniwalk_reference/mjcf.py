@@ -15,7 +15,8 @@ What the model is made of, and why:
   tangential, torsional and rolling, in six-dimensional contacts with elliptic cones (thesis 7.4).
 - Contacts, joint limits and couplings are as stiff as the time step allows: MuJoCo takes no time constant below
   two steps.
-- Robot geoms collide with the floor only, as in the project's engines.
+- Robot geoms collide with the floor only, as in the project's engines, unless `legs` is set: then the shapes of the bodies
+  that must not pass through each other collide too.
 - The constraint Jacobian is dense: the Newton solver of MuJoCo 4.0.0 factors the Hessian of a sparse one wrongly
   (repaired in 4.0.1).
 """
@@ -38,12 +39,16 @@ SOLE_THICKNESS = 0.01
 POINT_RADIUS = 0.0001
 """Radius of the sphere that stands for a contact point, m: by so much it touches before the point does."""
 
+LEG_FRICTION = (0.4, 0.4, 0.0, 0.0, 0.0)
+"""Of leg on leg: plastic and aluminium slide; only the tangential coefficients act in such a contact of three dimensions."""
+
 FRICTION = (0.6, 0.2, 0.1)
 """Tangential, torsional (m) and rolling (m) friction: the middle of the thesis's ranges (7.5)."""
 
 
-def write(robot: Robot, physics_hz: float = 1000.0) -> str:
-    """The robot on a plane as MJCF, with a keyframe `nominal`: standing in the nominal pose, targets there too."""
+def write(robot: Robot, physics_hz: float = 1000.0, *, legs: bool = False) -> str:
+    """The robot on a plane as MJCF, with a keyframe `nominal`: standing in the nominal pose, targets there too. With `legs`
+    the bodies of `robot.overlaps` collide with each other."""
     root = Element("mujoco", model=robot.name)
     SubElement(root, "compiler", angle="radian", autolimits="true", balanceinertia="false")
     SubElement(
@@ -61,6 +66,8 @@ def write(robot: Robot, physics_hz: float = 1000.0) -> str:
     floor.attrib |= {"contype": "1", "conaffinity": "0", "condim": "6", "friction": _text(*FRICTION)}
     elements = _bodies(robot, world)
     _collision(robot, elements)
+    if legs:
+        _legs(robot, root, elements, 2 / physics_hz)
     _couplings(robot, root)
     _motors(robot, root)
     _keyframe(robot, root)
@@ -126,6 +133,27 @@ def _collision(robot: Robot, elements: list[Element]) -> None:
     for index, (body, element) in enumerate(zip(robot.tree.bodies, elements)):
         for shape in body.shapes if index not in soled else []:
             SubElement(element, "geom", type=shape.kind, size=_text(*shape.size), **_pose(shape.pose))
+
+
+def _legs(robot: Robot, root: Element, elements: list[Element], time_constant: float) -> None:
+    """Lets the shapes of bodies collide that must not pass through each other. A soled body has its shapes for this alone;
+    without any it has its sole."""
+    names: dict[int, list[str]] = {}
+    for body in sorted({body for pair in robot.overlaps for body in pair}):
+        element, soles = elements[body], [f"sole_{foot.name}" for foot in robot.feet if foot.body == body]
+        for shape in robot.tree.bodies[body].shapes if soles else []:
+            size = _text(*shape.size)
+            SubElement(element, "geom", type=shape.kind, size=size, conaffinity="0", group="3", **_pose(shape.pose))
+        shapes = [geom for geom in element.findall("geom") if "name" not in geom.attrib]
+        for k, geom in enumerate(shapes):
+            geom.attrib["name"] = f"shape_{element.attrib['name']}_{k}"
+        names[body] = [geom.attrib["name"] for geom in shapes] or soles
+    contact = SubElement(root, "contact")
+    for one, other in robot.overlaps:
+        for first in names[one]:
+            for second in names[other]:
+                pair = SubElement(contact, "pair", geom1=first, geom2=second, condim="3")
+                pair.attrib |= {"friction": _text(*LEG_FRICTION), "solref": _text(time_constant, 1.0)}
 
 
 def _couplings(robot: Robot, root: Element) -> None:

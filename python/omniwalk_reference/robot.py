@@ -62,8 +62,9 @@ class Foot:
 @dataclass
 class Robot:
     """The robot as both sides of the comparison understand it. `joints` and `nominal` go with `tree.joints`;
-    `contacts` are further points (body, m) that touch the ground; `policy` names the joints a policy moves;
-    `fixed_pose` is the world pose of a base that does not float."""
+    `contacts` are further points (body, m) that touch the ground; `overlaps` are the pairs of bodies that must not pass
+    through each other; `policy` names the joints a policy moves; `fixed_pose` is the world pose of a base that does not
+    float."""
 
     name: str
     floating: bool
@@ -72,6 +73,7 @@ class Robot:
     joints: list[JointModel]
     feet: list[Foot]
     contacts: list[tuple[int, np.ndarray]]
+    overlaps: list[tuple[int, int]]
     policy: list[str]
 
     def nominal(self) -> list[float]:
@@ -114,6 +116,7 @@ def load(path: Path) -> Robot:
         joints=joints,
         feet=feet,
         contacts=[contact for entry in settings.get("contact", []) for contact in _contact(merged, entry)],
+        overlaps=[tuple(merged.body_of(link)[0] for link in pair) for pair in settings.get("overlap_pairs", [])],
         policy=_policy(settings, merged, joints),
     )
 

@@ -11,10 +11,17 @@ mod view;
 
 use pyo3::prelude::*;
 
+/// Runs `omniwalk crosscheck` with `arguments`; its exit code.
+#[pyfunction]
+fn crosscheck(py: Python<'_>, arguments: Vec<String>) -> u8 {
+    py.detach(|| omniwalk::command::crosscheck::main(&arguments))
+}
+
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("Error", module.py().get_type::<error::Error>())?;
+    module.add_function(wrap_pyfunction!(crosscheck, module)?)?;
     module.add_class::<batch::Batch>()?;
     module.add_class::<controller::Controller>()?;
     module.add_class::<robot::Robot>()?;

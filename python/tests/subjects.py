@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from omniwalk_reference import mjcf
+from omniwalk_reference import dynamics, mjcf
 from omniwalk_reference.robot import Robot, load
 from programs import ROOT, program
 
@@ -58,17 +58,9 @@ class Subject:
     model: mujoco.MjModel
 
     def coupling(self, rotation: np.ndarray) -> np.ndarray:
-        """G of `qvel = G v`, where v are the velocities of the Rust side: base origin and base rotation in the
-        world frame (if it floats), then the degrees of freedom. MuJoCo has the base's rotation in its own frame."""
-        joints, base = self.robot.tree.joints, 6 if self.robot.floating else 0
-        free = [joint.name for joint in joints if joint.mimic is None]
-        matrix = np.zeros((base + len(joints), base + len(free)))
-        if base:
-            matrix[:3, :3], matrix[3:6, 3:6] = np.eye(3), rotation.T
-        for row, joint in enumerate(joints):
-            leader, ratio, _ = joint.mimic or (joint.name, 1.0, 0.0)
-            matrix[base + row, base + free.index(leader)] = ratio
-        return matrix
+        """G of `qvel = G v`, see [`dynamics.coupling`]."""
+        free = [joint.name for joint in self.robot.tree.joints if joint.mimic is None]
+        return dynamics.coupling(self.robot, rotation, free)
 
     def data(self, state: SimpleNamespace, dofs: list[str], gravity: list[float]) -> tuple[mujoco.MjData, np.ndarray]:
         """MuJoCo in a state of the Rust side, all quantities computed, and the state's coupling matrix."""

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_controller::{Controller, Misfit};
+use omniwalk_env::engine::Configured;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::shared::spec;
 use omniwalk_env::{Batch, EnvConfig};
@@ -276,6 +277,7 @@ impl Loaded {
                 robot: self.robot.clone(),
                 config,
                 seed: args.seed,
+                engines: &Configured,
                 policy: &mut |observations, actions| player.mode(observations, actions),
             };
             let results = suite.play(&mut stage, plan, watch)?;

@@ -11,7 +11,8 @@ use omniwalk_controller::{Policy, Precision};
 use super::load;
 use crate::export::{self, c, onnx};
 use crate::files::{self, can_write};
-use crate::run::write_atomic;
+use crate::run::transfer::{self, Transferred};
+use crate::run::{RunFolder, write_atomic};
 use crate::terminal::say;
 
 /// Writes the policy of a run for the robot.
@@ -32,6 +33,9 @@ pub struct Args {
     /// Also writes an ONNX model: bounds, normaliser, network, mode, and the joints' displacements; in f32.
     #[arg(long, value_name = "FILE")]
     onnx: Option<PathBuf>,
+    /// Of a run: the checkpoint that walks best in MuJoCo, as `train --crosscheck-every` measured, instead of the newest.
+    #[arg(long)]
+    best_transfer: bool,
     /// Also writes header, examples and the policy as a C array into DIR.
     #[arg(long, value_name = "DIR")]
     c: Option<PathBuf>,
@@ -49,12 +53,19 @@ enum Format {
 /// # Errors
 /// Whatever is wrong with the source, or a file that cannot be written.
 pub fn run(args: &Args) -> miette::Result<()> {
+    let best = args.best_transfer.then(|| best_transfer(&args.source)).transpose()?;
     let full = if args.source.is_file() {
         load::policy(&args.source)?
     } else {
-        export::policy(&args.source)?
+        export::policy(&args.source, best.as_ref().map(|best| best.path.as_path()))?
     };
     check_targets(args)?;
+    if let Some(best) = best {
+        say(format_args!(
+            "best of those cross-checked: step {}, survival {:.3}, error {:.3} m/s in MuJoCo",
+            best.step, best.survival, best.error
+        ))?;
+    }
     let policy = in_format(&full, args.format)?;
     let bytes = policy.to_bytes();
     let read = Policy::from_bytes(&bytes).map_err(|error| miette!("the file would not be readable: {error}"))?;
@@ -85,6 +96,17 @@ pub fn run(args: &Args) -> miette::Result<()> {
         say(format_args!("C:      {}", folder.display()))?;
     }
     Ok(())
+}
+
+fn best_transfer(source: &Path) -> miette::Result<Transferred> {
+    if source.is_file() {
+        return Err(miette!(
+            help = "give the run folder it was exported from",
+            "--best-transfer chooses among the checkpoints of a run; {} is a policy file",
+            source.display()
+        ));
+    }
+    transfer::best(&RunFolder::open(source)?)
 }
 
 /// The files to write are different ones, can be written, and what they would replace is of their own kind: a slip on the

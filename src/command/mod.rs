@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 pub mod bench;
+pub mod crosscheck;
 pub mod eval;
 pub mod excite;
 pub mod export;

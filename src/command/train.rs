@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
+use omniwalk_env::config::EngineKind;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::episode::End;
 use omniwalk_env::task::tracking::Tracking;
@@ -16,6 +17,7 @@ use crate::run::checkpoints::Checkpoints;
 use crate::run::events::EventWriter;
 use crate::run::metrics::MetricsWriter;
 use crate::run::sessions::{self, Origin, Session as Record, Sessions};
+use crate::run::transfer::COLUMNS;
 use crate::settings::Settings;
 use crate::terminal::{OutputError, say};
 use crate::train::checkpoint;
@@ -24,6 +26,7 @@ use crate::train::metrics::{self, Figure};
 use crate::train::progress::{Display, LogFormat};
 use crate::train::shape::{self, Shape};
 use crate::train::trainer::{Report, Trainer};
+use crate::train::transfer::{Background, Measured, Plan};
 
 /// Trains a policy; writes a run folder.
 #[derive(clap::Args, Debug)]
@@ -59,6 +62,16 @@ pub struct Args {
     /// Changes a single value, for example --set reward.velocity_kernel=9.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Let checkpoints walk in MuJoCo while training goes on, one each N control steps, in the background.
+    ///
+    /// A process of the lowest priority plays the commands of the `[eval]` section (see `omniwalk crosscheck`); how the
+    /// checkpoints transfer goes to crosscheck.csv and TensorBoard, and the best of them is kept for `export --best-transfer`.
+    /// Where one takes longer than N steps, the next waits for it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    crosscheck_every: Option<u64>,
+    /// Python interpreter with MuJoCo and NumPy for --crosscheck-every [default: one in an environment that is made for it].
+    #[arg(long, value_name = "FILE", requires = "crosscheck_every")]
+    python: Option<PathBuf>,
     /// Print nothing but errors and the end.
     #[arg(long)]
     quiet: bool,
@@ -99,7 +112,8 @@ struct Session {
     metrics: MetricsWriter,
     events: EventWriter,
     // Holds the folder's lock.
-    _run: RunFolder,
+    run: RunFolder,
+    background: Option<Background>,
 }
 
 impl Session {
@@ -143,10 +157,11 @@ impl Session {
             begun: Instant::now(),
             shape,
             sessions,
+            background: background(args, &settings, &run, 0)?,
             settings,
             trainer,
             folder,
-            _run: run,
+            run,
         })
     }
 
@@ -198,10 +213,11 @@ impl Session {
             begun: Instant::now(),
             shape,
             sessions,
+            background: background(args, &settings, &run, step)?,
             settings,
             trainer,
             folder,
-            _run: run,
+            run,
         }))
     }
 
@@ -226,9 +242,13 @@ impl Session {
             }
             noted?;
             shown?;
+            self.tend()?;
         }
         display.finish();
         let path = self.save()?;
+        if !stop.load(Ordering::Relaxed) {
+            self.finish_transfer()?;
+        }
         Ok(self.conclude(&path)?)
     }
 
@@ -274,6 +294,33 @@ impl Session {
         Ok(path)
     }
 
+    /// Looks after the cross-check in the background.
+    fn tend(&mut self) -> miette::Result<()> {
+        let (step, trainer, shape) = (self.trainer.progress().steps, &self.trainer, &self.shape);
+        let background = self.background.as_mut();
+        let measured = background.and_then(|it| it.tend(&self.run, step, || checkpoint::save(trainer, shape)));
+        measured.map_or(Ok(()), |measured| self.note(&measured))
+    }
+
+    /// Measures how the last checkpoint transfers.
+    fn finish_transfer(&mut self) -> miette::Result<()> {
+        let Some(mut background) = self.background.take() else {
+            return Ok(());
+        };
+        eprintln!("cross-checking the last checkpoint; it is saved, Ctrl-C twice ends at once");
+        let mut measured = Vec::new();
+        let last = checkpoint::save(&self.trainer, &self.shape)?;
+        background.finish(&self.run, &last, |one| measured.push(one));
+        measured.iter().try_for_each(|one| self.note(one))
+    }
+
+    fn note(&mut self, measured: &Measured) -> miette::Result<()> {
+        self.events
+            .scalars(measured.step, COLUMNS.into_iter().zip(measured.values))
+            .into_diagnostic()
+            .wrap_err("cannot write TensorBoard events")
+    }
+
     fn conclude(&self, path: &Path) -> Result<(), OutputError> {
         let progress = self.trainer.progress();
         say(format_args!(
@@ -303,6 +350,19 @@ fn learned(trainer: &Trainer) -> String {
         100.0 * window.mean(|episode| Some(episode.gait.alternation)),
     )
     .replace("NaN", "-")
+}
+
+/// The cross-check beside the training of `run`, if it was asked for.
+fn background(args: &Args, settings: &Settings, run: &RunFolder, step: u64) -> miette::Result<Option<Background>> {
+    let plan = args.crosscheck_every.map(|every| Plan {
+        every,
+        engine: match settings.env.engine.kind {
+            EngineKind::Rapier => "rapier",
+            EngineKind::Lanes => "lanes",
+        },
+        python: args.python.clone(),
+    });
+    plan.map(|plan| Background::new(run, plan, step)).transpose()
 }
 
 /// Says what can be done with the run in `folder` next.

@@ -249,7 +249,7 @@ impl Show {
         } else {
             let run = RunFolder::open(path)?;
             let begun = !run.checkpoints().list().is_empty();
-            begun.then(|| export::policy(path)).transpose()?
+            begun.then(|| export::policy(path, None)).transpose()?
         };
         let mut logs = files_of(&path.join("rollouts"), "mcap").unwrap_or_default();
         logs.extend(files_of(&folder, "mcap").unwrap_or_default());

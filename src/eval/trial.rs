@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use omniwalk_env::engine::{BaseState, Engine};
+use omniwalk_env::engine::{BaseState, Engine, Maker};
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::environment::Environment;
 use omniwalk_env::task::episode::Episode;
@@ -85,6 +85,8 @@ pub struct Stage<'a> {
     pub config: EnvConfig,
     /// Seed of everything random.
     pub seed: u64,
+    /// What the worlds are stepped by.
+    pub engines: &'a dyn Maker,
     /// Observations to actions, row-major.
     pub policy: &'a mut dyn FnMut(&[f32], &mut [f32]),
 }
@@ -119,7 +121,7 @@ impl Stage<'_> {
         trials: &mut [T],
         mut watch: Option<&mut dyn Watch>,
     ) -> miette::Result<()> {
-        let mut batch = Batch::new(self.robot.clone(), &self.config, trials.len(), seed)?;
+        let mut batch = Batch::with_engines(self.robot.clone(), &self.config, trials.len(), seed, self.engines)?;
         let joints = batch.shared().spec.action_len();
         let mut actions = vec![0.0; trials.len() * joints];
         let mut observations = batch.observations().to_vec();

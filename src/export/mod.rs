@@ -18,26 +18,29 @@ use crate::settings::Settings;
 use crate::train::checkpoint;
 use crate::train::trainer::region;
 
-/// The policy of the newest checkpoint of the run in `folder`.
+/// The policy of the run in `folder`: of the checkpoint at `file`, or the newest.
 ///
 /// # Errors
 /// When there is none, or it does not fit the run's configuration and robot.
-pub fn policy(folder: &Path) -> miette::Result<Policy> {
+pub fn policy(folder: &Path, file: Option<&Path>) -> miette::Result<Policy> {
     let run = RunFolder::open(folder)?;
     let (settings, _) = load::settings(Some(&run.config()), &[])?;
     let text = std::fs::read(run.config())
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot read {}", run.config().display()))?;
     let robot = load::robot(&run.robot())?;
-    let latest = load::latest(&run)?;
+    let (checkpoint, path) = match file {
+        Some(file) => (Checkpoint::read(file)?, file.to_owned()),
+        None => load::latest(&run).map(|latest| (latest.checkpoint, latest.path))?,
+    };
     let spec = spec(&robot, &settings.env);
     let (inputs, joints) = (spec.observation_len(), spec.action_len());
-    let network = checkpoint::agent(&latest.checkpoint, &settings, inputs, joints)
-        .wrap_err_with(|| format!("{} does not fit robot and configuration", latest.path.display()))?
+    let network = checkpoint::agent(&checkpoint, &settings, inputs, joints)
+        .wrap_err_with(|| format!("{} does not fit robot and configuration", path.display()))?
         .policy();
     let identity = Identity {
         config_hash: Sha256::digest(&text).into(),
-        ..identity(&settings, &latest.checkpoint)?
+        ..identity(&settings, &checkpoint)?
     };
     Policy::new(spec, actor(&network), bounds(&network), identity)
         .into_diagnostic()

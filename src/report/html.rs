@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::Value;
 
-pub(super) const STYLE: &str = "body{font:16px/1.5 sans-serif;max-width:80rem;margin:2rem auto;padding:0 1rem;color:#282c34}\
+/// How pages look.
+pub const STYLE: &str = "body{font:16px/1.5 sans-serif;max-width:80rem;margin:2rem auto;padding:0 1rem;color:#282c34}\
     img{max-width:100%}table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid \
     #ddd}pre{background:#f4f5f7;padding:1rem;overflow:auto}";
 
@@ -133,7 +134,8 @@ fn cell(value: &Value) -> String {
     }
 }
 
-pub(super) fn escaped(text: &str) -> String {
+/// `text` where markup is expected.
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

@@ -8,6 +8,7 @@
 //!           metrics.csv       one row an update
 //!           events.out.*      the same for TensorBoard
 //!           checkpoints/      the newest few, each written whole or not at all
+//!           crosscheck.csv    how checkpoints walk in MuJoCo, and crosscheck/ with the best of them
 //!           rollouts/         MCAP
 //! ```
 
@@ -18,6 +19,7 @@ pub mod events;
 pub mod metrics;
 pub mod sessions;
 pub mod tensor;
+pub mod transfer;
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
@@ -188,6 +190,11 @@ impl RunFolder {
     /// The copy of the robot's files.
     pub fn robot(&self) -> PathBuf {
         self.path.join("robot")
+    }
+
+    /// How checkpoints walk in MuJoCo.
+    pub fn transfer(&self) -> PathBuf {
+        self.path.join("crosscheck.csv")
     }
 
     /// How the run was made.

@@ -7,4 +7,5 @@ pub mod origin;
 pub mod progress;
 pub mod shape;
 pub mod trainer;
+pub mod transfer;
 pub mod window;

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bad_run;
+mod crosscheck;
 mod determinism;
 mod end_to_end;
 mod export;

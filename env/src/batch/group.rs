@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::actuators::Actuators;
 use crate::clock::Clock;
-use crate::engine::{self, Engine, lanes};
+use crate::engine::{Engine, Maker, lanes};
 use crate::error::EnvError;
 use crate::task::environment::{Environment, Scratch};
 use crate::task::episode::{End, Episode, Fault, Outcome};
@@ -57,9 +57,9 @@ pub struct SavedGroup {
 }
 
 impl Group {
-    pub fn new(shared: &Shared, first: usize, worlds: usize) -> Result<Self, EnvError> {
+    pub fn new(shared: &Shared, engines: &dyn Maker, first: usize, worlds: usize) -> Result<Self, EnvError> {
         Ok(Self {
-            engine: engine::build(&shared.robot, &shared.ground, &shared.config, worlds)?,
+            engine: engines.make(&shared.robot, &shared.ground, &shared.config, worlds)?,
             actuators: Actuators::new(&shared.robot, shared.config.physics_dt(), worlds),
             environments: (0..worlds)
                 .map(|w| Environment::new(shared, first + w))

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::config::EnvConfig;
-use crate::engine::{self, BaseState, Engine, Phase};
+use crate::engine::{BaseState, Configured, Engine, Maker, Phase};
 use crate::error::EnvError;
 use crate::robot::{Base, Robot};
 use crate::task::command::CommandRange;
@@ -47,6 +47,20 @@ impl Batch {
     /// # Errors
     /// [`EnvError`] when robot, configuration and engine do not fit together.
     pub fn new(robot: Arc<Robot>, config: &EnvConfig, environments: usize, seed: u64) -> Result<Self, EnvError> {
+        Self::with_engines(robot, config, environments, seed, &Configured)
+    }
+
+    /// The same with the engines that `engines` makes.
+    ///
+    /// # Errors
+    /// As [`Batch::new`].
+    pub fn with_engines(
+        robot: Arc<Robot>,
+        config: &EnvConfig,
+        environments: usize,
+        seed: u64,
+        engines: &dyn Maker,
+    ) -> Result<Self, EnvError> {
         if robot.base == Base::Fixed {
             return Err(EnvError::FixedBase {
                 robot: robot.name.clone(),
@@ -58,10 +72,10 @@ impl Batch {
             });
         }
         let shared = Shared::new(robot, config, seed)?;
-        let width = engine::group_width(config).min(environments.max(1));
+        let width = engines.width(config, environments).clamp(1, environments.max(1));
         let groups = (0..environments)
             .step_by(width)
-            .map(|first| Group::new(&shared, first, width.min(environments - first)))
+            .map(|first| Group::new(&shared, engines, first, width.min(environments - first)))
             .collect::<Result<Vec<_>, _>>()?;
         let observation_len = shared.spec.observation_len();
         let mut batch = Self {
@@ -245,7 +259,7 @@ impl Batch {
         phases
     }
 
-    /// Floating-point operations of a physics step of all environments by phase, were it done now with the last drives, see [`engine::lanes::operations`].
+    /// Floating-point operations of a physics step of all environments by phase, were it done now with the last drives, see [`crate::engine::lanes::operations`].
     ///
     /// # Errors
     /// When the engine is not `lanes` in `f32`.

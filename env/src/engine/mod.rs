@@ -37,6 +37,9 @@ pub enum EngineError {
         /// The lane type.
         level: lanes::Simd,
     },
+    /// An engine of a [`Maker`] that is not there, or does not take the robot.
+    #[error("{0}")]
+    Made(String),
 }
 
 /// Standard gravity, m/s^2.
@@ -256,6 +259,43 @@ pub fn build(
             let level = config.engine.simd.level();
             Ok(Box::new(lanes::Lanes::on(ground, robot, dt, worlds, level)?))
         }
+    }
+}
+
+/// Makes the engines of a batch: those of the configuration, or others from outside this crate.
+pub trait Maker: Sync {
+    /// Worlds that one engine object should hold in a batch of `environments`: what a thread steps at a time.
+    fn width(&self, config: &EnvConfig, environments: usize) -> usize;
+
+    /// An engine with `worlds` worlds of `robot` on `ground`, stepped as `config` says.
+    ///
+    /// # Errors
+    /// [`EngineError`] when the engine cannot be had, or does not take the robot.
+    fn make(
+        &self,
+        robot: &Robot,
+        ground: &Ground,
+        config: &EnvConfig,
+        worlds: usize,
+    ) -> Result<Box<dyn Engine>, EngineError>;
+}
+
+/// Makes the engines that the configuration names.
+pub struct Configured;
+
+impl Maker for Configured {
+    fn width(&self, config: &EnvConfig, environments: usize) -> usize {
+        group_width(config).min(environments.max(1))
+    }
+
+    fn make(
+        &self,
+        robot: &Robot,
+        ground: &Ground,
+        config: &EnvConfig,
+        worlds: usize,
+    ) -> Result<Box<dyn Engine>, EngineError> {
+        build(robot, ground, config, worlds)
     }
 }
 

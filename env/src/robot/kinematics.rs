@@ -120,4 +120,20 @@ impl Kinematics {
             self.poses[0].translation.vector
         })
     }
+
+    /// Momentum of all links together, without the rotors that armature stands for: linear, kg m/s, and angular about the centre
+    /// of mass, kg m^2/s, in the world frame.
+    pub fn momentum(&self, robot: &Robot) -> (Vector3<f64>, Vector3<f64>) {
+        let center = self.center_of_mass(robot.links.iter().map(|link| &link.inertial));
+        let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
+        for (index, link) in robot.links.iter().enumerate() {
+            let pose = self.pose(index);
+            let com = pose * Point3::from(link.inertial.com);
+            let momentum = link.inertial.mass * self.velocity_at(index, &com);
+            let spin = pose.rotation.inverse() * self.angular_velocity(index);
+            linear += momentum;
+            angular += (com - center).cross(&momentum) + pose.rotation * (link.inertial.inertia * spin);
+        }
+        (linear, angular)
+    }
 }

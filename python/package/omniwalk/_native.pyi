@@ -12,6 +12,9 @@ __version__: str
 class Error(ValueError):
     """What omniwalk cannot do, and what would be right."""
 
+def crosscheck(arguments: list[str]) -> int:
+    """Runs `omniwalk crosscheck` with `arguments`; its exit code."""
+
 class GoldenStep(TypedDict):
     """Readings of a golden step, and what must come out."""
 

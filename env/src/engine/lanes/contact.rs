@@ -17,9 +17,9 @@ use super::work::{BodyWork, LinkWork, PointWork, Work};
 use crate::ground::Ground;
 
 /// Normal stiffness of a contact point, N/m.
-const STIFFNESS: f64 = 1e5;
+pub const STIFFNESS: f64 = 1e5;
 /// Normal damping of a contact point, N s/m.
-const DAMPING: f64 = 1e3;
+pub const DAMPING: f64 = 1e3;
 /// Fastest push-out of a point below the ground, m/s.
 const PUSH_OUT: f64 = 1.0;
 /// Points farther above the ground than this do not take part, m: a point that falls at 10 m/s meets the ground in time at 200 Hz.

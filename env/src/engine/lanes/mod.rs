@@ -37,6 +37,8 @@ mod x86;
 
 use nalgebra::{IsometryMatrix3, Vector3};
 
+pub use contact::{DAMPING as CONTACT_DAMPING, STIFFNESS as CONTACT_STIFFNESS};
+
 use super::{BaseState, Drive, Engine, EngineError, JointState, Phase, Start, World};
 use crate::ground::Ground;
 use crate::robot::Robot;

@@ -28,6 +28,7 @@ use nalgebra::{Isometry3, IsometryMatrix3, Vector3};
 use self::drive::Command;
 use self::lane::Lane;
 use self::scene::Scene;
+pub use self::scene::weighed;
 use super::{BaseState, Drive, Engine, EngineError, JointState, Start, World};
 use crate::ground::Ground;
 use crate::robot::{Kinematics, Robot};

@@ -268,13 +268,21 @@ pub(super) fn root_offset(base: Base, link: usize, inertial: &Inertial) -> Trans
 
 /// Mass properties for rapier with the centre of mass at `com` in the body's frame.
 pub(super) fn mass_properties(inertial: &Inertial, com: &Vector3<f64>) -> MassProperties {
-    let mass = inertial.mass.max(TINY_MASS);
-    let inertia = if inertial.inertia.trace() > TINY_INERTIA {
-        inertial.inertia
-    } else {
-        Matrix3::from_diagonal_element(TINY_INERTIA)
-    };
+    let Inertial { mass, inertia, .. } = weighed(inertial);
     MassProperties::with_inertia_matrix(convert::vector(com), mass, convert::matrix(&inertia))
+}
+
+/// The mass properties that rapier steps for a link: its own, or the least there can be.
+pub fn weighed(inertial: &Inertial) -> Inertial {
+    Inertial {
+        mass: inertial.mass.max(TINY_MASS),
+        com: inertial.com,
+        inertia: if inertial.inertia.trace() > TINY_INERTIA {
+            inertial.inertia
+        } else {
+            Matrix3::from_diagonal_element(TINY_INERTIA)
+        },
+    }
 }
 
 /// The pose of a joint in its parent's frame, turned so that the joint's axis is x.
