@@ -321,6 +321,7 @@ impl Loaded {
 
     fn save(&self, args: &Args, result: &Value) -> miette::Result<()> {
         let text = serde_json::to_string_pretty(result).into_diagnostic()? + "\n";
+        make(&self.folder)?;
         write(&self.folder.join("eval.json"), text.as_bytes())?;
         args.json.as_ref().map_or(Ok(()), |file| write(file, text.as_bytes()))
     }
@@ -368,9 +369,7 @@ impl Rollouts {
 impl Watch for Rollouts {
     /// Only now is anything written: robot, configuration and engine fit together.
     fn start(&mut self, batch: &Batch) -> miette::Result<()> {
-        create_folder(&self.folder)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot create {}", self.folder.display()))?;
+        make(&self.folder)?;
         let shared = batch.shared();
         for (name, environment) in &self.logs {
             let path = self.folder.join(name);
@@ -386,6 +385,12 @@ impl Watch for Rollouts {
             .iter_mut()
             .try_for_each(|recorder| Ok(recorder.step(batch, observations, actions)?))
     }
+}
+
+fn make(folder: &Path) -> miette::Result<()> {
+    create_folder(folder)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot create {}", folder.display()))
 }
 
 fn write(path: &Path, bytes: &[u8]) -> miette::Result<()> {

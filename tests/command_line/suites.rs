@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use super::support::{GAIT, copy, omniwalk, succeeds, tiny};
+use super::support::{GAIT, copy, omniwalk, robot, succeeds, tiny};
 use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -206,4 +206,16 @@ fn a_suite_beyond_the_bounds_a_policy_was_trained_for_is_refused() {
     assert_eq!((output.code, output.out.as_str()), (2, ""), "{}", output.err);
     let part = "what `falls` asks for must be within the bounds the policy was trained for";
     assert!(output.message().contains(part), "{}", output.message());
+}
+
+#[test]
+fn a_policy_file_is_judged_into_a_folder_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni/policy.omni");
+    fs::copy(policy, folder.path().join("p.omni")).unwrap();
+    let home = robot("nimbro_op2x");
+    let quick = ["--engine", "lanes", "--nominal", "--episodes", "1", "--seconds", "1"];
+    let judge = ["eval", "p.omni", "--suite", "falls", "--robot", home.to_str().unwrap()];
+    succeeds(folder.path(), &[&judge[..], &quick].concat());
+    assert!(folder.path().join("p.eval/eval.json").is_file());
 }

@@ -86,7 +86,7 @@ impl Model {
             model.add(effect);
         }
         if model.transmission.is_split() {
-            model.transmission.couple(joint.passive.armature, inertia);
+            model.transmission.couple(joint.passive.armature, inertia, dt);
         }
         any.then_some(model)
     }
