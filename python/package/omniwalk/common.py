@@ -65,7 +65,6 @@ def summary(record: dict) -> dict[str, Any]:
         "return": sum(record["terms"].values()),
         "terms": record["terms"],
         "desired_velocity": np.array(record["desired"]),
-        "tracking": record["tracking"],
         "drift": record["drift"],
         "touchdowns_per_second": np.array(record["touchdowns_per_second"]),
     }
