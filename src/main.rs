@@ -4,11 +4,11 @@
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 #[cfg(unix)]
 use omniwalk::command::rehearse;
 use omniwalk::command::{
-    bench, crosscheck, eval, excite, export, identify, init, inspect, replay, report, train, view,
+    bench, crosscheck, eval, excite, export, guide, identify, init, inspect, replay, report, train, view,
 };
 use omniwalk::terminal::OutputError;
 
@@ -36,6 +36,8 @@ enum Command {
     Rehearse(rehearse::Args),
     Report(report::Args),
     View(view::Args),
+    Completions(guide::Completions),
+    Man(guide::Man),
 }
 
 fn main() -> ExitCode {
@@ -57,6 +59,8 @@ fn main() -> ExitCode {
         Command::Rehearse(args) => rehearse::run(&args),
         Command::Report(args) => report::run(&args),
         Command::View(args) => view::run(&args),
+        Command::Completions(args) => guide::completions(&args, CommandLine::command()),
+        Command::Man(args) => guide::man(&args, CommandLine::command()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

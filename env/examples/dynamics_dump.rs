@@ -1,7 +1,8 @@
 //! What our model of a robot is and how it accelerates, as JSON for the comparison with another simulator:
-//! `cargo run --release -p omniwalk-env --example dynamics_dump ROBOT ENGINE SEED STATES DT`.
+//! `cargo run --release -p omniwalk-env --example dynamics_dump ROBOT ENGINE SEED STATES DT [ground]`.
 //!
-//! A state is a robot in free flight with random pose, velocity, joint torques and push. Kinematics and momentum come
+//! A state is a robot in free flight, or with `ground` one whose lowest contact point is 1 mm deep in the ground, with random
+//! pose, velocity, joint torques and push. Kinematics and momentum come
 //! from [`Kinematics`], the acceleration from the engine as the change of velocity over one step of DT seconds: with
 //! explicit forces that is the acceleration at the beginning of the step, however long the step.
 
@@ -20,6 +21,9 @@ use support::make_engine;
 
 /// Gravity of every state, m/s^2: tilted, so that no axis is special.
 const GRAVITY: Vector3<f64> = Vector3::new(0.5, -0.3, -9.7);
+
+/// Points up to this height may touch within a step of a few milliseconds, m.
+const NEAR: f64 = 0.05;
 
 #[derive(Serialize)]
 struct Dump {
@@ -72,12 +76,20 @@ struct State {
     base_linear_acceleration: Vector3<f64>,
     base_angular_acceleration: Vector3<f64>,
     accelerations: Vec<f64>,
+    /// Names of the links with a contact point no higher than [`NEAR`].
+    near_ground: Vec<String>,
+    /// Link and ground force of each foot.
+    foot_forces: Vec<(String, Vector3<f64>)>,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [path, engine, seed, states, dt] = &arguments[..] else {
-        return Err("usage: dynamics_dump ROBOT ENGINE SEED STATES DT".into());
+    let (arguments, ground) = match arguments.split_last() {
+        Some((last, others)) if last == "ground" => (others, true),
+        _ => (&arguments[..], false),
+    };
+    let [path, engine, seed, states, dt] = arguments else {
+        return Err("usage: dynamics_dump ROBOT ENGINE SEED STATES DT [ground]".into());
     };
     let robot = robot::load(Path::new(path))?;
     let dt: f64 = dt.parse()?;
@@ -85,7 +97,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut random = ChaCha12Rng::seed_from_u64(seed.parse()?);
     let count: usize = states.parse()?;
     let states = (0..count)
-        .map(|_| state(&robot, engine.as_mut(), dt, &mut random))
+        .map(|_| state(&robot, engine.as_mut(), dt, ground, &mut random))
         .collect();
     let dump = Dump {
         gravity: GRAVITY,
@@ -106,14 +118,23 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// A random state, its kinematics, and the acceleration the engine finds for it.
-fn state(robot: &Robot, engine: &mut dyn Engine, dt: f64, random: &mut impl Rng) -> State {
-    let start = random_start(robot, random);
+fn state(robot: &Robot, engine: &mut dyn Engine, dt: f64, ground: bool, random: &mut impl Rng) -> State {
+    let mut start = random_start(robot, random);
+    if ground {
+        let lowest = contact_heights(robot, &start)
+            .map(|(_, height)| height)
+            .reduce(f64::min);
+        start.position.z -= lowest.expect("a robot with contact points") + 1e-3;
+    }
+    let near = contact_heights(robot, &start).filter(|&(_, height)| height <= NEAR);
+    let mut near_ground: Vec<String> = near.map(|(link, _)| robot.links[link].name.clone()).collect();
+    near_ground.dedup();
     let torques: Vec<f64> = (0..robot.dofs.len()).map(|_| random.random_range(-5.0..5.0)).collect();
     let push = match robot.base {
         Base::Floating => random_vector(random, 20.0),
         Base::Fixed => Vector3::zeros(),
     };
-    engine.reset(0, &start, &frictionless(robot));
+    engine.reset(0, &start, &world(robot, ground));
     engine.push(0, push);
     let mut drive = Drive::idle(robot.dofs.len(), 1);
     drive.feed_forward.copy_from_slice(&torques);
@@ -138,6 +159,10 @@ fn state(robot: &Robot, engine: &mut dyn Engine, dt: f64, random: &mut impl Rng)
             .zip(&start.joint_velocities)
             .map(|(new, old)| (new - old) / dt)
             .collect(),
+        near_ground,
+        foot_forces: (0..robot.feet.len())
+            .map(|f| (robot.links[robot.feet[f].link].name.clone(), engine.foot_force(0, f)))
+            .collect(),
         positions: start.joints,
         velocities: start.joint_velocities,
         torques,
@@ -147,6 +172,17 @@ fn state(robot: &Robot, engine: &mut dyn Engine, dt: f64, random: &mut impl Rng)
         linear_momentum: momentum.linear,
         angular_momentum: momentum.angular,
     }
+}
+
+/// The robot's contact points: link and height above the ground, m.
+fn contact_heights<'r>(robot: &'r Robot, start: &Start) -> impl Iterator<Item = (usize, f64)> + use<'r> {
+    let mut kinematics = Kinematics::new(robot);
+    let base = Isometry3::from_parts(start.position.into(), start.orientation);
+    kinematics.set_pose(robot, &base, &start.joints);
+    robot.links.iter().enumerate().flat_map(move |(index, link)| {
+        let pose = *kinematics.pose(index);
+        link.contact_points.iter().map(move |point| (index, (pose * point).z))
+    })
 }
 
 /// Any orientation, joints in the middle eight tenths of their range: limits do not act.
@@ -180,13 +216,14 @@ fn random_vector(random: &mut impl Rng, bound: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| random.random_range(-bound..bound))
 }
 
-/// The robot's own masses and armatures, without any friction or damping.
-fn frictionless(robot: &Robot) -> World {
+/// The robot's own masses and armatures, without any friction or damping in the joints; with friction on the `ground`.
+fn world(robot: &Robot, ground: bool) -> World {
+    let grip = f64::from(u8::from(ground));
     World {
         friction: Friction {
-            tangential: 0.0,
-            torsional: 0.0,
-            rolling: 0.0,
+            tangential: 0.8 * grip,
+            torsional: 0.1 * grip,
+            rolling: 0.05 * grip,
         },
         gravity: GRAVITY,
         links: robot.links.iter().map(|link| link.inertial).collect(),

@@ -2,12 +2,15 @@
 
 mod support;
 
+use std::ops::Range;
+
 use omniwalk_env::Batch;
+use omniwalk_env::batch::{Collect, Outcomes};
 use omniwalk_env::config::EngineKind;
 use omniwalk_env::random::Stream;
 use omniwalk_env::task::command::CommandRange;
 use omniwalk_env::task::episode::{End, Fault};
-use omniwalk_env::task::reward::Factors;
+use omniwalk_env::task::reward::{Factors, Terms};
 use support::{config, robot};
 
 /// Random actions around the middle, so that the robot stays up for a while and then falls.
@@ -69,6 +72,85 @@ fn a_batch_with_another_seed_is_a_new_one_and_a_restart_leaves_the_episode_out()
         assert_eq!(bits(second.observations()), bits(third.observations()));
         second.restart();
         assert_ne!(bits(second.observations()), bits(third.observations()));
+    }
+}
+
+/// Actions that follow the observation; they bring some robots down.
+fn follow(observations: &[f32], actions: &mut [f32]) {
+    let width = observations.len() * 16 / actions.len();
+    for (row, observation) in actions.chunks_exact_mut(16).zip(observations.chunks_exact(width)) {
+        for (i, action) in row.iter_mut().enumerate() {
+            *action = (0.5 + 0.4 * observation[i] + 0.1 * observation[16 + i]).clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// Bits of the observations, sums of the rewards, ends.
+type Step = (Vec<u32>, Vec<f64>, Vec<Option<End>>);
+
+/// What came of each step in the environments of a group.
+#[derive(Default)]
+struct Seen {
+    actions: Vec<f32>,
+    steps: Vec<Step>,
+}
+
+impl Seen {
+    fn note(&mut self, observations: &[f32], terms: &[Terms], ends: &[Option<End>]) {
+        let rewards = terms.iter().map(Terms::total).collect();
+        self.steps.push((bits(observations), rewards, ends.to_vec()));
+    }
+}
+
+struct Following;
+
+impl Collect for Following {
+    type Part = Seen;
+
+    fn act<'p>(&self, seen: &'p mut Seen, step: usize, observations: &[f32]) -> &'p [f32] {
+        assert_eq!(step, seen.steps.len() % 50);
+        follow(observations, &mut seen.actions);
+        &seen.actions
+    }
+
+    fn take(&self, seen: &mut Seen, _: usize, outcomes: &Outcomes<'_>) {
+        seen.note(outcomes.observations, outcomes.terms, outcomes.ends);
+    }
+}
+
+#[test]
+fn groups_that_go_through_many_steps_by_themselves_do_what_they_do_step_by_step() {
+    for (engine, environments) in [(EngineKind::Rapier, 5), (EngineKind::Lanes, 70)] {
+        let (mut stepped, mut rolled) = (batch(engine, environments), batch(engine, environments));
+        let groups: Vec<_> = rolled.groups().collect();
+        assert!(groups.len() > 2, "{engine:?} {groups:?}");
+        let part = |group: &Range<usize>| Seen {
+            actions: vec![0.0; group.len() * 16],
+            ..Seen::default()
+        };
+        let mut parts: Vec<_> = groups.iter().map(part).collect();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        pool.install(|| (0..3).for_each(|_| rolled.roll(50, &Following, &mut parts)));
+        let mut actions = vec![0.0; environments * 16];
+        let n = stepped.shared().spec.observation_len();
+        for step in 0..150 {
+            follow(stepped.observations(), &mut actions);
+            stepped.step(&actions);
+            let mut seen = Seen::default();
+            seen.note(stepped.observations(), stepped.terms(), stepped.ends());
+            for (group, part) in groups.iter().zip(&parts) {
+                let ((observations, rewards, ends), (own, own_rewards, own_ends)) = (&seen.steps[0], &part.steps[step]);
+                assert_eq!(&observations[group.start * n..group.end * n], own, "{engine:?} {step}");
+                assert_eq!(
+                    (&rewards[group.clone()], &ends[group.clone()]),
+                    (&own_rewards[..], &own_ends[..])
+                );
+            }
+        }
+        assert_eq!(stepped.save(), rolled.save());
+        let episodes: Vec<_> = stepped.take_episodes().collect();
+        assert!(episodes.len() > 2, "{} episodes ended in {engine:?}", episodes.len());
+        assert_eq!(rolled.take_episodes().collect::<Vec<_>>(), episodes);
     }
 }
 

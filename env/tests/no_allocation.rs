@@ -5,11 +5,25 @@ mod support;
 
 use omniwalk_allocations::Counting;
 use omniwalk_env::Batch;
+use omniwalk_env::batch::{Collect, Outcomes};
 use omniwalk_env::config::EngineKind;
 use support::{config, robot};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting::new();
+
+/// The nominal pose for everybody.
+struct Still;
+
+impl Collect for Still {
+    type Part = Vec<f32>;
+
+    fn act<'p>(&self, actions: &'p mut Vec<f32>, _: usize, _: &[f32]) -> &'p [f32] {
+        actions
+    }
+
+    fn take(&self, _: &mut Vec<f32>, _: usize, _: &Outcomes<'_>) {}
+}
 
 #[test]
 fn a_step_without_episode_ends_allocates_nothing() {
@@ -28,6 +42,13 @@ fn a_step_without_episode_ends_allocates_nothing() {
             batch.step(&actions);
             assert!(batch.ends().iter().all(Option::is_none));
         }
+        assert_eq!(ALLOCATOR.count() - before, 0);
+        let mut parts: Vec<_> = batch.groups().map(|group| vec![0.5; group.len() * 16]).collect();
+        batch.reset();
+        batch.roll(40, &Still, &mut parts);
+        let before = ALLOCATOR.count();
+        batch.roll(200, &Still, &mut parts);
+        assert_eq!(batch.take_episodes().count(), 0);
         assert_eq!(ALLOCATOR.count() - before, 0);
     });
 }

@@ -15,10 +15,10 @@ use crate::{
     update::{Learned, Learner, UpdateStats},
 };
 
-/// Most rows of a chunk when acting: small, so that a few environments already keep two cores busy.
+/// Most rows that pass through a network together when acting: few enough to stay in the cache.
 const ROWS: usize = 32;
 
-/// Actor and critic, their optimiser, the observation normaliser and all buffers. Work is shared out in the current
+/// Actor and critic, their optimiser, the observation normaliser and the buffers of learning. Work is shared out in the current
 /// rayon pool; its number of threads does not change any bit of the results.
 pub struct Agent {
     pub(crate) config: Config,
@@ -28,8 +28,14 @@ pub struct Agent {
     pub(crate) learning_rate: f64,
     pub(crate) steps: u64,
     learner: Learner,
-    actor_passes: Vec<Pass>,
-    critic_passes: Vec<Pass>,
+}
+
+/// Buffers for the networks of one agent, or of others of the same shape. Each thread that acts by itself has its own; they
+/// grow with the rows that are asked for.
+#[derive(Default)]
+pub struct Inference {
+    actor: Vec<Pass>,
+    critic: Vec<Pass>,
 }
 
 /// A layer of the policy network: `y = activation(weights x + bias)`.
@@ -96,8 +102,6 @@ impl Agent {
             learning_rate: config.learning_rate,
             steps: 0,
             learner: Learner::new(&actor, &critic),
-            actor_passes: Vec::new(),
-            critic_passes: Vec::new(),
             config,
             actor,
             critic,
@@ -130,7 +134,8 @@ impl Agent {
         tiles.all(|tile| tile.parameters.iter().all(|x| x.is_finite()))
     }
 
-    /// Samples an action for each observation and judges it. Row `i` depends on its observation and `keys[i]` alone.
+    /// Samples an action for each observation and judges it, on the thread that calls alone: many may act at once. Row `i`
+    /// depends on its observation and `keys[i]` alone.
     ///
     /// `observations` is `rows x observation length`, not normalised; `actions` `rows x action length`: in (0, 1) for a
     /// Beta policy, unbounded with [0, 1] as the nominal range for a Gaussian one, not a number where the observation
@@ -138,90 +143,102 @@ impl Agent {
     ///
     /// # Panics
     /// If the lengths do not fit.
-    pub fn act(&mut self, observations: &[f32], keys: &[u64], actions: &mut [f32], values: &mut [f32]) {
+    pub fn act(
+        &self,
+        buffers: &mut Inference,
+        observations: &[f32],
+        keys: &[u64],
+        actions: &mut [f32],
+        values: &mut [f32],
+    ) {
         assert_eq!(
             keys.len() * self.observation_len(),
             observations.len(),
             "one key for each observation"
         );
+        self.assert_rows(observations, actions, self.action_len());
         let (head, width) = (self.config.policy, self.action_len());
-        let Self {
-            actor,
-            critic,
-            normaliser,
-            actor_passes,
-            critic_passes,
-            ..
-        } = self;
-        rayon::join(
-            || {
-                infer(
-                    actor,
-                    normaliser,
-                    actor_passes,
-                    observations,
-                    actions,
-                    width,
-                    |row, output, action| {
-                        let mut random = ChaCha8Rng::seed_from_u64(keys[row]);
-                        for (i, action) in action.iter_mut().enumerate() {
-                            *action = head.sample(output(i), output(width + i), &mut random);
-                        }
-                    },
-                );
-            },
-            || {
-                infer(
-                    critic,
-                    normaliser,
-                    critic_passes,
-                    observations,
-                    values,
-                    1,
-                    |_, output, value| value[0] = output(0),
-                )
-            },
-        );
+        let Self { actor, normaliser, .. } = self;
+        let chunks = observations
+            .chunks(self.observation_len() * ROWS)
+            .zip(actions.chunks_mut(width * ROWS));
+        let pass = first(&mut buffers.actor, actor);
+        for ((observations, actions), keys) in chunks.zip(keys.chunks(ROWS)) {
+            infer(
+                actor,
+                normaliser,
+                pass,
+                observations,
+                actions,
+                width,
+                |row, output, action| {
+                    let mut random = ChaCha8Rng::seed_from_u64(keys[row]);
+                    for (i, action) in action.iter_mut().enumerate() {
+                        *action = head.sample(output(i), output(width + i), &mut random);
+                    }
+                },
+            );
+        }
+        self.values(buffers, observations, values);
     }
 
     /// The most likely action for each observation.
     ///
     /// # Panics
     /// If the lengths do not fit.
-    pub fn mode(&mut self, observations: &[f32], actions: &mut [f32]) {
-        let (head, width) = (self.config.policy, self.action_len());
-        let passes = &mut self.actor_passes;
-        infer(
-            &self.actor,
-            &self.normaliser,
-            passes,
-            observations,
-            actions,
-            width,
-            |_, output, action| {
-                for (i, action) in action.iter_mut().enumerate() {
-                    *action = head.mode(output(i), output(width + i));
-                }
-            },
-        );
+    pub fn mode(&self, buffers: &mut Inference, observations: &[f32], actions: &mut [f32]) {
+        let (head, len, width) = (self.config.policy, self.observation_len(), self.action_len());
+        self.assert_rows(observations, actions, width);
+        let (actor, normaliser, passes) = (&self.actor, &self.normaliser, &mut buffers.actor);
+        while passes.len() * ROWS * len < observations.len() {
+            passes.push(Pass::new(actor, ROWS, false));
+        }
+        let chunks = observations
+            .par_chunks(len * ROWS)
+            .zip(actions.par_chunks_mut(width * ROWS));
+        passes
+            .par_iter_mut()
+            .zip(chunks)
+            .with_max_len(1)
+            .for_each(|(pass, (observations, actions))| {
+                infer(
+                    actor,
+                    normaliser,
+                    pass,
+                    observations,
+                    actions,
+                    width,
+                    |_, output, action| {
+                        for (i, action) in action.iter_mut().enumerate() {
+                            *action = head.mode(output(i), output(width + i));
+                        }
+                    },
+                );
+            });
     }
 
-    /// The value of each observation: the expected discounted return from it.
+    /// The value of each observation: the expected discounted return from it. On the thread that calls alone.
     ///
     /// # Panics
     /// If the lengths do not fit.
-    pub fn values(&mut self, observations: &[f32], values: &mut [f32]) {
-        let passes = &mut self.critic_passes;
-        infer(
-            &self.critic,
-            &self.normaliser,
-            passes,
-            observations,
-            values,
-            1,
-            |_, output, value| {
+    pub fn values(&self, buffers: &mut Inference, observations: &[f32], values: &mut [f32]) {
+        self.assert_rows(observations, values, 1);
+        let Self { critic, normaliser, .. } = self;
+        let pass = first(&mut buffers.critic, critic);
+        let chunks = observations.chunks(self.observation_len() * ROWS);
+        for (observations, values) in chunks.zip(values.chunks_mut(ROWS)) {
+            infer(critic, normaliser, pass, observations, values, 1, |_, output, value| {
                 value[0] = output(0);
-            },
+            });
+        }
+    }
+
+    fn assert_rows(&self, observations: &[f32], results: &[f32], width: usize) {
+        let len = self.observation_len();
+        let rows = observations.len() / len;
+        assert!(
+            rows * len == observations.len() && rows * width == results.len(),
+            "rows of observations and results"
         );
     }
 
@@ -316,47 +333,37 @@ fn check_lengths(observation_len: usize, action_len: usize) -> Result<(), Invali
     check("action length", action_len)
 }
 
-/// Passes observations through a network in chunks and hands each row's index and outputs to
-/// `finish`, with its part of `results`.
+/// The first of the buffers, made where there is none.
+fn first<'a>(passes: &'a mut Vec<Pass>, network: &Network) -> &'a mut Pass {
+    if passes.is_empty() {
+        passes.push(Pass::new(network, ROWS, false));
+    }
+    &mut passes[0]
+}
+
+/// Passes at most [`ROWS`] observations through a network and hands each row's index and outputs to `finish`, with
+/// its part of `results`.
 fn infer(
     network: &Network,
     normaliser: &Normaliser,
-    passes: &mut Vec<Pass>,
+    pass: &mut Pass,
     observations: &[f32],
     results: &mut [f32],
     width: usize,
-    finish: impl Fn(usize, &dyn Fn(usize) -> f32, &mut [f32]) + Sync,
+    finish: impl Fn(usize, &dyn Fn(usize) -> f32, &mut [f32]),
 ) {
     let len = network.widths[0];
-    let rows = observations.len() / len;
-    assert!(
-        rows * len == observations.len() && rows * width == results.len(),
-        "rows of observations and results"
-    );
-    while passes.len() * ROWS < rows {
-        passes.push(Pass::new(network, ROWS, false));
+    pass.rows = observations.len() / len;
+    for (row, from) in observations.chunks_exact(len).enumerate() {
+        for (panel, from) in from.chunks(PANEL).enumerate() {
+            normaliser.apply(panel * PANEL, from, pass.inputs_mut().piece_mut(row, panel));
+        }
     }
-    let chunks = observations
-        .par_chunks(len * ROWS)
-        .zip(results.par_chunks_mut(width * ROWS));
-    passes
-        .par_iter_mut()
-        .zip(chunks)
-        .enumerate()
-        .with_max_len(1)
-        .for_each(|(index, (pass, (from, to)))| {
-            pass.rows = from.len() / len;
-            for (row, from) in from.chunks_exact(len).enumerate() {
-                for (panel, from) in from.chunks(PANEL).enumerate() {
-                    normaliser.apply(panel * PANEL, from, pass.inputs_mut().piece_mut(row, panel));
-                }
-            }
-            network.forward(pass);
-            let outputs = pass.outputs();
-            for (row, to) in to.chunks_exact_mut(width).enumerate() {
-                finish(index * ROWS + row, &|column| outputs.get(row, column), to);
-            }
-        });
+    network.forward(pass);
+    let outputs = pass.outputs();
+    for (row, to) in results.chunks_exact_mut(width).enumerate() {
+        finish(row, &|column| outputs.get(row, column), to);
+    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::{
 use rayon::prelude::*;
 
 use crate::{
-    agent::Agent,
+    agent::{Agent, Inference},
     config::{Config, InvalidConfig},
     rollout::Rollout,
     simd::{self, FmaLoop},
@@ -66,7 +66,7 @@ pub fn bench(
         .build()
         .expect("threads can be started");
     let (update, act, peak) = pool.install(|| {
-        collect(&mut agent, &mut rollout);
+        collect(&agent, &mut rollout);
         let mut key = 0;
         let mut learn = || {
             key += 1;
@@ -74,7 +74,7 @@ pub fn bench(
             assert_eq!(stats.skipped, 0, "the invented samples are finite");
         };
         let [update, peak] = rates([&mut learn, &mut || multiply_add(threads)]);
-        let [act] = rates([&mut || collect(&mut agent, &mut rollout)]);
+        let [act] = rates([&mut || collect(&agent, &mut rollout)]);
         (update, act, peak * multiply_add_operations(threads))
     });
     let samples_per_second = update * (rollout.samples() * agent.config().epochs) as f64;
@@ -128,18 +128,19 @@ fn rates<const N: usize>(mut calls: [&mut dyn FnMut(); N]) -> [f64; N] {
 }
 
 /// Fills a rollout with the agent's actions on waves.
-fn collect(agent: &mut Agent, rollout: &mut Rollout) {
+fn collect(agent: &Agent, rollout: &mut Rollout) {
     let (environments, width, actions) = (rollout.environments, agent.observation_len(), agent.action_len());
     for (i, x) in rollout.observations.iter_mut().enumerate() {
         *x = (i as f32 * 0.618_034).fract() - 0.5;
     }
-    let mut keys = [0; 64];
+    let (mut keys, mut buffers) = ([0; 64], Inference::default());
     for step in 0..rollout.steps {
         let rows = step * environments..(step + 1) * environments;
         for (row, key) in keys.iter_mut().enumerate() {
             *key = (rows.start + row) as u64;
         }
         agent.act(
+            &mut buffers,
             &rollout.observations[rows.start * width..rows.end * width],
             &keys[..environments],
             &mut rollout.actions[rows.start * actions..rows.end * actions],

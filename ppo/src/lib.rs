@@ -25,7 +25,7 @@ mod special;
 mod state;
 mod update;
 
-pub use agent::{Agent, Layer, Policy};
+pub use agent::{Agent, Inference, Layer, Policy};
 pub use bench::{BenchResult, bench, peak_gflops};
 pub use config::{Activation, Config, Head, InvalidConfig, Schedule};
 pub use distribution::{Beta, Differentiated, Gaussian};

@@ -60,6 +60,34 @@ impl Rollout {
         self.steps * self.environments
     }
 
+    /// Copies a rollout of as many steps of some of the environments, from `first` on.
+    ///
+    /// # Panics
+    /// If its lengths do not fit.
+    pub fn insert(&mut self, part: &Self, first: usize) {
+        assert_eq!(self.steps, part.steps, "as many steps");
+        let (here, there) = (self.environments, part.environments);
+        copy_rows(
+            &mut self.observations,
+            &part.observations,
+            self.steps,
+            first,
+            [here, there],
+        );
+        copy_rows(&mut self.actions, &part.actions, self.steps, first, [here, there]);
+        copy_rows(&mut self.values, &part.values, self.steps, first, [here, there]);
+        copy_rows(&mut self.rewards, &part.rewards, self.steps, first, [here, there]);
+        copy_rows(&mut self.ends, &part.ends, self.steps, first, [here, there]);
+        copy_rows(
+            &mut self.bootstrap_values,
+            &part.bootstrap_values,
+            self.steps,
+            first,
+            [here, there],
+        );
+        copy_rows(&mut self.last_values, &part.last_values, 1, first, [here, there]);
+    }
+
     /// Whether every buffer has the length that the others and the agent ask for.
     pub(crate) fn fits(&self, observation_len: usize, action_len: usize) -> bool {
         let samples = self.samples();
@@ -84,6 +112,15 @@ impl Rollout {
             && bootstraps
                 .into_iter()
                 .all(|(&end, value)| end != End::TimeOut || value.is_finite())
+    }
+}
+
+/// Copies the rows of `there` environments, in every step, to those from `first` on of `here`.
+fn copy_rows<T: Copy>(to: &mut [T], from: &[T], steps: usize, first: usize, [here, there]: [usize; 2]) {
+    let width = to.len() / (steps * here);
+    let rows = to.chunks_exact_mut(here * width).zip(from.chunks_exact(there * width));
+    for (to, from) in rows {
+        to[first * width..(first + there) * width].copy_from_slice(from);
     }
 }
 

@@ -1,6 +1,10 @@
 //! Distributions against mpmath, whole updates against PyTorch: numbers made by `python/golden_ppo.py`.
 
-use omniwalk_ppo::{Agent, Beta, Config, Differentiated, End, Mirror, Rollout, Tensor, TensorData};
+#[path = "support/case.rs"]
+mod case;
+
+use case::{Case, Layer};
+use omniwalk_ppo::{Beta, Differentiated, Mirror, Tensor, TensorData};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -60,30 +64,6 @@ fn beta_distribution_agrees_with_mpmath() {
 }
 
 #[derive(Deserialize)]
-struct Layer {
-    weight: Vec<f64>,
-    bias: Vec<f64>,
-}
-
-#[derive(Deserialize)]
-struct Normaliser {
-    count: u64,
-    mean: Vec<f64>,
-    squares: Vec<f64>,
-}
-
-#[derive(Deserialize)]
-struct Numbers {
-    observations: Vec<f32>,
-    actions: Vec<f32>,
-    values: Vec<f32>,
-    rewards: Vec<f32>,
-    ends: Vec<u8>,
-    bootstrap_values: Vec<f32>,
-    last_values: Vec<f32>,
-}
-
-#[derive(Deserialize)]
 struct Maps {
     observation: Vec<(u32, f32)>,
     action: Vec<(u32, f32)>,
@@ -107,76 +87,11 @@ struct Epoch {
 #[derive(Deserialize)]
 struct UpdateCase {
     name: String,
-    config: Config,
     mirror: Option<Maps>,
-    steps: usize,
-    environments: usize,
-    rollout: Numbers,
-    normaliser: Normaliser,
-    actor: Vec<Layer>,
-    critic: Vec<Layer>,
     explained_variance: f64,
     epochs: Vec<Epoch>,
-}
-
-impl UpdateCase {
-    fn rollout(&self) -> Rollout {
-        let numbers = &self.rollout;
-        Rollout {
-            steps: self.steps,
-            environments: self.environments,
-            observations: numbers.observations.clone(),
-            actions: numbers.actions.clone(),
-            values: numbers.values.clone(),
-            rewards: numbers.rewards.clone(),
-            ends: numbers
-                .ends
-                .iter()
-                .map(|&end| [End::None, End::Terminated, End::TimeOut][usize::from(end)])
-                .collect(),
-            bootstrap_values: numbers.bootstrap_values.clone(),
-            last_values: numbers.last_values.clone(),
-        }
-    }
-
-    /// The agent before the update, with the given passes to do.
-    fn agent(&self, epochs: usize) -> Agent {
-        let config = Config {
-            epochs,
-            ..self.config.clone()
-        };
-        let mut tensors = Agent::new(config.clone(), 5, 3, 0).unwrap().save();
-        for (name, layers) in [("actor", &self.actor), ("critic", &self.critic)] {
-            for (i, layer) in layers.iter().enumerate() {
-                set(&mut tensors, &format!("{name}.{i}.weight"), narrow(&layer.weight));
-                set(&mut tensors, &format!("{name}.{i}.bias"), narrow(&layer.bias));
-            }
-        }
-        set(
-            &mut tensors,
-            "normaliser.count",
-            TensorData::U64(vec![self.normaliser.count]),
-        );
-        set(
-            &mut tensors,
-            "normaliser.mean",
-            TensorData::F64(self.normaliser.mean.clone()),
-        );
-        set(
-            &mut tensors,
-            "normaliser.squares",
-            TensorData::F64(self.normaliser.squares.clone()),
-        );
-        Agent::load(config, 5, 3, &tensors).unwrap()
-    }
-}
-
-fn narrow(values: &[f64]) -> TensorData {
-    TensorData::F32(values.iter().map(|&x| x as f32).collect())
-}
-
-fn set(tensors: &mut [Tensor], name: &str, data: TensorData) {
-    tensors.iter_mut().find(|tensor| tensor.name == name).unwrap().data = data;
+    #[serde(flatten)]
+    case: Case,
 }
 
 fn get(tensors: &[Tensor], name: &str) -> Vec<f64> {
@@ -205,15 +120,15 @@ fn difference(tensors: &[Tensor], network: &str, suffix: &str, layers: &[Layer],
 #[test]
 fn gradients_of_the_first_step_agree_with_pytorch() {
     for case in &cases() {
-        let mut agent = case.agent(1);
-        let stats = agent.update(&case.rollout(), case.mirror().as_ref(), 1);
+        let mut agent = case.case.agent(1);
+        let stats = agent.update(&case.case.rollout(), case.mirror().as_ref(), 1);
         let (tensors, epoch) = (agent.save(), &case.epochs[0]);
         for (network, norm, layers) in [
             ("actor", stats.policy_gradient_norm, &epoch.actor_gradient),
             ("critic", stats.value_gradient_norm, &epoch.critic_gradient),
         ] {
             // The first mean of the gradient is a tenth of it, shortened to the largest norm.
-            let scale = 10.0 / (case.config.max_gradient_norm / norm).min(1.0);
+            let scale = 10.0 / (case.case.config.max_gradient_norm / norm).min(1.0);
             let error = difference(&tensors, network, ".first_moment", layers, scale);
             assert!(
                 error < 1e-5,
@@ -228,8 +143,8 @@ fn gradients_of_the_first_step_agree_with_pytorch() {
 fn updates_of_several_steps_agree_with_pytorch() {
     for case in &cases() {
         for epochs in 1..=case.epochs.len() {
-            let mut agent = case.agent(epochs);
-            let stats = agent.update(&case.rollout(), case.mirror().as_ref(), 1);
+            let mut agent = case.case.agent(epochs);
+            let stats = agent.update(&case.case.rollout(), case.mirror().as_ref(), 1);
             assert_eq!((stats.steps, stats.skipped), (epochs, 0));
             let (tensors, done) = (agent.save(), &case.epochs[..epochs]);
             let last = &done[epochs - 1];

@@ -2,7 +2,7 @@
 
 mod support;
 
-use omniwalk_ppo::{Agent, Config, Head, StateError, Tensor, TensorData};
+use omniwalk_ppo::{Agent, Config, Head, Inference, StateError, Tensor, TensorData};
 use support::{Points, config};
 
 /// A state after some iterations on a pool of its own. Layers of 130 need two tiles; a minibatch of 700 two blocks.
@@ -41,7 +41,7 @@ fn a_loaded_agent_goes_on_with_the_same_bits() {
     let saved = agent.save();
     let mut loaded = Agent::load(config(), 4, 2, &saved).unwrap();
     assert!(loaded.save() == saved);
-    points.collect(&mut agent);
+    points.collect(&agent);
     assert_eq!(
         agent.update(&points.rollout, None, 7),
         loaded.update(&points.rollout, None, 7)
@@ -51,21 +51,35 @@ fn a_loaded_agent_goes_on_with_the_same_bits() {
     let observations: Vec<f32> = (0..40).map(|i| i as f32 * 0.1).collect();
     let keys: Vec<u64> = (0..10).collect();
     let [mut one, mut two] = [vec![0.0; 20], vec![0.0; 20]];
-    agent.act(&observations, &keys, &mut one, &mut [0.0; 10]);
-    loaded.act(&observations, &keys, &mut two, &mut [0.0; 10]);
+    agent.act(
+        &mut Inference::default(),
+        &observations,
+        &keys,
+        &mut one,
+        &mut [0.0; 10],
+    );
+    loaded.act(
+        &mut Inference::default(),
+        &observations,
+        &keys,
+        &mut two,
+        &mut [0.0; 10],
+    );
     assert_eq!(one, two);
 }
 
 #[test]
 fn an_action_depends_on_its_own_row_and_key_alone() {
-    let mut agent = Agent::new(config(), 4, 2, 5).unwrap();
+    let agent = Agent::new(config(), 4, 2, 5).unwrap();
+    let mut buffers = Inference::default();
     let observations: Vec<f32> = (0..4 * 75).map(|i| (i as f32 * 0.37).sin()).collect();
     let keys: Vec<u64> = (0..75).collect();
     let (mut actions, mut values) = (vec![0.0; 150], vec![0.0; 75]);
-    agent.act(&observations, &keys, &mut actions, &mut values);
+    agent.act(&mut buffers, &observations, &keys, &mut actions, &mut values);
     for row in [0, 11, 31, 32, 74] {
         let (mut action, mut value) = ([0.0; 2], [0.0]);
-        agent.act(&observations[row * 4..][..4], &keys[row..=row], &mut action, &mut value);
+        let observation = &observations[row * 4..][..4];
+        agent.act(&mut buffers, observation, &keys[row..=row], &mut action, &mut value);
         assert_eq!((&action[..], value[0]), (&actions[row * 2..][..2], values[row]));
     }
 }

@@ -2,7 +2,7 @@
 
 mod support;
 
-use omniwalk_ppo::{Agent, Config, End, Head, Schedule};
+use omniwalk_ppo::{Agent, Config, End, Head, Inference, Schedule};
 use support::{Points, config};
 
 #[test]
@@ -10,7 +10,7 @@ fn a_rollout_with_a_number_that_is_not_finite_changes_nothing() {
     let mut agent = Agent::new(config(), 4, 2, 5).unwrap();
     let mut points = Points::new(16, 40);
     points.iterate(&mut agent, None, 0);
-    points.collect(&mut agent);
+    points.collect(&agent);
     let before = agent.save();
     for break_it in [
         |p: &mut Points| p.rollout.observations[17] = f32::NAN,
@@ -33,7 +33,7 @@ fn a_rollout_with_a_number_that_is_not_finite_changes_nothing() {
 fn a_lost_sample_teaches_nothing() {
     let mut points = Points::new(16, 20);
     let mut agent = Agent::new(config(), 4, 2, 5).unwrap();
-    points.collect(&mut agent);
+    points.collect(&agent);
     points.rollout.ends[7] = End::Lost;
     let mut learn = |reward: f32, action: f32| {
         let mut agent = Agent::new(config(), 4, 2, 5).unwrap();
@@ -53,7 +53,7 @@ fn a_lost_sample_teaches_nothing() {
 fn minibatches_with_an_overflowing_loss_are_skipped_and_counted() {
     let mut agent = Agent::new(Config { epochs: 1, ..config() }, 4, 2, 5).unwrap();
     let mut points = Points::new(16, 40);
-    points.collect(&mut agent);
+    points.collect(&agent);
     points.rollout.rewards[9] = 3e38;
     points.rollout.rewards[25] = 3e38;
     let stats = agent.update(&points.rollout, None, 1);
@@ -67,19 +67,20 @@ fn minibatches_with_an_overflowing_loss_are_skipped_and_counted() {
             .all(|layer| layer.weights.iter().chain(&layer.bias).all(finite))
     );
     let mut value = [0.0];
-    agent.values(&[0.1; 4], &mut value);
+    agent.values(&mut Inference::default(), &[0.1; 4], &mut value);
     assert!(value[0].is_finite());
 }
 
 #[test]
 fn an_observation_that_is_not_a_number_gives_an_action_that_is_none_either() {
     for policy in [Head::Beta, Head::Gaussian] {
-        let mut agent = Agent::new(Config { policy, ..config() }, 4, 2, 5).unwrap();
+        let agent = Agent::new(Config { policy, ..config() }, 4, 2, 5).unwrap();
+        let mut buffers = Inference::default();
         let mut actions = [0.0; 4];
         let observations = [0.0, 0.0, 0.0, 0.0, 0.0, f32::NAN, 0.0, 0.0];
-        agent.act(&observations, &[1, 2], &mut actions, &mut [0.0; 2]);
+        agent.act(&mut buffers, &observations, &[1, 2], &mut actions, &mut [0.0; 2]);
         assert!(actions[..2].iter().all(|x| x.is_finite()) && actions[2..].iter().all(|x| x.is_nan()));
-        agent.mode(&observations, &mut actions);
+        agent.mode(&mut buffers, &observations, &mut actions);
         assert!(actions[..2].iter().all(|x| x.is_finite()) && actions[2..].iter().all(|x| x.is_nan()));
     }
 }

@@ -5,6 +5,7 @@ pub mod crosscheck;
 pub mod eval;
 pub mod excite;
 pub mod export;
+pub mod guide;
 pub mod identify;
 pub mod init;
 pub mod inspect;

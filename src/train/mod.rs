@@ -1,6 +1,7 @@
 //! Training: one run in memory, what is measured of it, and how it becomes a checkpoint.
 
 pub mod checkpoint;
+mod collect;
 pub mod health;
 pub mod metrics;
 pub mod origin;

@@ -7,12 +7,13 @@ use omniwalk_controller::Spec;
 use omniwalk_curriculum::{Curriculum, Performance};
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::command::CommandRange;
-use omniwalk_env::task::episode::{End, Fault};
+use omniwalk_env::task::episode::Fault;
 use omniwalk_env::task::reward::{Factors, Terms};
 use omniwalk_env::{Batch, EnvError};
 use omniwalk_ppo::{self as ppo, Agent, Mirror, Rollout, UpdateStats};
 use serde::{Deserialize, Serialize};
 
+use super::collect::{self, Collected, Part, Sampling};
 use super::window::Window;
 use crate::settings::Settings;
 
@@ -27,8 +28,8 @@ pub struct Trainer {
     rollout: Rollout,
     mirror: Option<Mirror>,
     progress: Progress,
-    keys: Vec<u64>,
-    actions: Vec<f32>,
+    /// One for each group of environments.
+    parts: Vec<Part>,
 }
 
 /// What a checkpoint keeps beside networks and environments.
@@ -58,7 +59,7 @@ pub enum TrainError {
     Ppo(#[from] ppo::InvalidConfig),
 }
 
-/// Seconds an update spent where.
+/// Seconds an update spent where; while collecting, of the time of one thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Split {
     /// Stepping the environments: physics, sensors, reward.
@@ -87,15 +88,6 @@ pub struct Report {
     pub samples: usize,
 }
 
-/// Sums over the steps of a rollout.
-#[derive(Default)]
-struct Collected {
-    terms: Terms,
-    lost: u64,
-    falls: u64,
-    fault: Option<(usize, Fault)>,
-}
-
 impl Trainer {
     /// A run at its beginning.
     ///
@@ -119,8 +111,10 @@ impl Trainer {
                 window: Window::default(),
                 seconds: 0.0,
             },
-            keys: vec![0; train.environments],
-            actions: vec![0.0; train.environments * action_len],
+            parts: batch
+                .groups()
+                .map(|environments| Part::new(train.steps_per_update, environments, &agent))
+                .collect(),
             batch,
             agent,
         };
@@ -173,17 +167,21 @@ impl Trainer {
 
     fn iterate(&mut self) -> Report {
         let start = Instant::now();
-        let mut split = Split::default();
         let Collected {
             terms,
             lost,
             falls,
             fault,
-        } = self.collect(&mut split);
+            seconds: [physics, inference],
+        } = self.collect();
         let learn = Instant::now();
-        let key = mix(self.settings.train.seed ^ UPDATE_STREAM, self.progress.update);
+        let key = collect::mix(self.settings.train.seed ^ UPDATE_STREAM, self.progress.update);
         let learning = self.agent.update(&self.rollout, self.mirror.as_ref(), key);
-        split.update = learn.elapsed().as_secs_f64();
+        let split = Split {
+            physics,
+            inference,
+            update: learn.elapsed().as_secs_f64(),
+        };
         let performance = self.performance(&terms, falls);
         self.progress
             .curriculum
@@ -204,65 +202,18 @@ impl Trainer {
     }
 
     /// Fills the rollout.
-    fn collect(&mut self, split: &mut Split) -> Collected {
-        let n = self.batch.environments();
-        let mut sum = Collected::default();
-        for step in 0..self.rollout.steps {
-            let clock = Instant::now();
-            let row = step * n..(step + 1) * n;
-            self.act(step);
-            let rollout = &mut self.rollout;
-            let observation_len = rollout.observations.len() / rollout.samples();
-            rollout.observations[row.start * observation_len..row.end * observation_len]
-                .copy_from_slice(self.batch.observations());
-            let action_len = rollout.actions.len() / rollout.samples();
-            rollout.actions[row.start * action_len..row.end * action_len].copy_from_slice(&self.actions);
-            split.inference += clock.elapsed().as_secs_f64();
-            let clock = Instant::now();
-            self.batch.step(&self.actions);
-            split.physics += clock.elapsed().as_secs_f64();
-            let scale = self.settings.train.reward_scale;
-            for (k, (terms, end)) in row.clone().zip(self.batch.terms().iter().zip(self.batch.ends())) {
-                self.rollout.rewards[k] = (scale * terms.total()) as f32;
-                self.rollout.ends[k] = learner_end(*end);
-                sum.terms.add(terms);
-                sum.lost += u64::from(*end == Some(End::Lost));
-                sum.falls += u64::from(matches!(end, Some(End::Fallen | End::Overlap)));
-            }
-            sum.fault = sum.fault.or(self.batch.faults().first().copied());
-            self.bootstrap(step);
-            self.progress.window.extend(self.batch.take_episodes());
-        }
-        let clock = Instant::now();
-        self.agent
-            .values(self.batch.observations(), &mut self.rollout.last_values);
-        split.inference += clock.elapsed().as_secs_f64();
-        sum
-    }
-
-    /// Draws the actions of a step and notes the values of its observations.
-    fn act(&mut self, step: usize) {
-        let n = self.batch.environments();
-        let first = self.progress.steps + (step * n) as u64;
-        for (e, key) in self.keys.iter_mut().enumerate() {
-            *key = mix(self.settings.train.seed, first + e as u64);
-        }
-        let values = &mut self.rollout.values[step * n..(step + 1) * n];
-        self.agent
-            .act(self.batch.observations(), &self.keys, &mut self.actions, values);
-    }
-
-    /// Values at time-outs, which are not falls: the return goes on behind them.
-    fn bootstrap(&mut self, step: usize) {
-        let n = self.batch.environments();
-        let len = self.rollout.observations.len() / self.rollout.samples();
-        for e in 0..n {
-            let k = step * n + e;
-            if self.rollout.ends[k] == ppo::End::TimeOut {
-                let last = &self.batch.final_observations()[e * len..(e + 1) * len];
-                self.agent.values(last, &mut self.rollout.bootstrap_values[k..=k]);
-            }
-        }
+    fn collect(&mut self) -> Collected {
+        let train = &self.settings.train;
+        let sampling = Sampling {
+            agent: &self.agent,
+            seed: train.seed,
+            done: self.progress.steps,
+            environments: train.environments,
+            reward_scale: train.reward_scale,
+        };
+        self.batch.roll(self.rollout.steps, &sampling, &mut self.parts);
+        self.progress.window.extend(self.batch.take_episodes());
+        collect::gather(&mut self.parts, &mut self.rollout)
     }
 
     /// Bounds of the region desired velocities are drawn from.
@@ -312,15 +263,6 @@ pub fn region(settings: &Settings, progress: &Progress) -> ([f64; 3], [f64; 3]) 
         .bounds(&settings.curriculum, command.lower, command.upper)
 }
 
-fn learner_end(end: Option<End>) -> ppo::End {
-    match end {
-        None => ppo::End::None,
-        Some(End::Fallen | End::Overlap) => ppo::End::Terminated,
-        Some(End::TimeOut) => ppo::End::TimeOut,
-        Some(End::Lost) => ppo::End::Lost,
-    }
-}
-
 fn mirror(batch: &Batch) -> Result<Mirror, EnvError> {
     let shared = batch.shared();
     let joints = shared.robot.mirror_map().ok_or_else(|| EnvError::NoMirror {
@@ -330,12 +272,4 @@ fn mirror(batch: &Batch) -> Result<Mirror, EnvError> {
         observation: shared.spec.mirror_observation(&joints),
         action: shared.spec.mirror_action(&joints),
     })
-}
-
-/// A random key from a seed and a counter (splitmix64's finaliser).
-fn mix(seed: u64, counter: u64) -> u64 {
-    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ counter.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }

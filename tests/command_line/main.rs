@@ -6,6 +6,7 @@ mod crosscheck;
 mod determinism;
 mod end_to_end;
 mod export;
+mod guide;
 mod init;
 #[cfg(unix)]
 mod rehearse;

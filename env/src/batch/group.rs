@@ -3,6 +3,7 @@
 use omniwalk_controller::{ROW, RowObserver};
 use serde::{Deserialize, Serialize};
 
+use super::collect::{Collect, Outcomes};
 use crate::actuators::Actuators;
 use crate::clock::Clock;
 use crate::engine::{Engine, Maker, lanes};
@@ -19,7 +20,8 @@ pub struct Group {
     pub engine: Box<dyn Engine>,
     actuators: Actuators,
     pub environments: Vec<Environment>,
-    pub episodes: Vec<Episode>,
+    /// Those that ended, with the step they ended in.
+    pub episodes: Vec<(usize, Episode)>,
     /// Of the episodes that are lost: the environment, and what was not finite.
     pub faults: Vec<(usize, Fault)>,
     scratch: Scratch,
@@ -88,7 +90,24 @@ impl Group {
         }
     }
 
-    pub fn step(&mut self, shared: &Shared, factors: Factors, actions: &[f32], mut rows: Rows) {
+    /// One step of a rollout.
+    pub fn collect<C: Collect>(
+        &mut self,
+        shared: &Shared,
+        factors: Factors,
+        step: usize,
+        collect: &C,
+        rows: &mut Rows,
+        part: &mut C::Part,
+    ) {
+        let actions = collect.act(part, step, rows.observations);
+        self.step(shared, factors, step, actions, rows);
+        collect.take(part, step, &Outcomes::new(rows, &self.faults));
+        self.faults.clear();
+    }
+
+    /// The step number `step` of those that are done in one go.
+    pub fn step(&mut self, shared: &Shared, factors: Factors, step: usize, actions: &[f32], rows: &mut Rows) {
         let Self {
             engine,
             actuators,
@@ -118,7 +137,7 @@ impl Group {
         self.clock.lap(DRIVES);
         self.observe(shared, rows.observations);
         self.clock.lap(SENSING);
-        self.judge(shared, factors, &mut rows);
+        self.judge(shared, factors, step, rows);
     }
 
     /// Reads the sensors of every world and writes the observations.
@@ -140,7 +159,7 @@ impl Group {
     }
 
     /// Judges the step in every world, and starts another episode where one has ended.
-    fn judge(&mut self, shared: &Shared, factors: Factors, rows: &mut Rows) {
+    fn judge(&mut self, shared: &Shared, factors: Factors, step: usize, rows: &mut Rows) {
         let n = shared.spec.observation_len();
         for (w, (environment, truth)) in self.environments.iter_mut().zip(&self.truths).enumerate() {
             let engine = &mut *self.engine;
@@ -165,7 +184,7 @@ impl Group {
                 let row = &mut rows.observations[w * n..(w + 1) * n];
                 rows.final_observations[w * n..(w + 1) * n].copy_from_slice(row);
                 self.clock.lap(REWARD);
-                self.episodes.push(environment.conclude(end));
+                self.episodes.push((step, environment.conclude(end)));
                 environment.reset(shared, engine, &mut self.actuators, w, &mut self.scratch, row);
                 self.clock.lap(RESETS);
             }

@@ -3,8 +3,11 @@
 //! A batch is made of groups; a group is one engine object with its worlds and the environments around them.
 //! Groups share nothing that changes, so the result does not depend on how many threads step them.
 
+mod collect;
 mod group;
+mod schedule;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -20,6 +23,7 @@ use crate::task::environment::Environment;
 use crate::task::episode::{End, Episode, Fault};
 use crate::task::reward::{Factors, Terms};
 use crate::task::shared::Shared;
+pub use collect::{Collect, Outcomes};
 use group::{Group, PHASES, Rows, SavedGroup};
 
 /// A batch of environments. Row `e` of every array belongs to environment `e`.
@@ -31,7 +35,8 @@ pub struct Batch {
     final_observations: Vec<f32>,
     terms: Vec<Terms>,
     ends: Vec<Option<End>>,
-    episodes: Vec<Episode>,
+    /// With the step they ended in, counted from the beginning of the last call that stepped.
+    episodes: Vec<(usize, Episode)>,
     faults: Vec<(usize, Fault)>,
 }
 
@@ -127,11 +132,11 @@ impl Batch {
     }
 
     /// The episodes that ended since the last call, in the order of steps and environments.
-    pub fn take_episodes(&mut self) -> std::vec::Drain<'_, Episode> {
-        self.episodes.drain(..)
+    pub fn take_episodes(&mut self) -> impl Iterator<Item = Episode> {
+        self.episodes.drain(..).map(|(_, episode)| episode)
     }
 
-    /// Of the episodes that were lost in the last step: the environment, and what was not finite.
+    /// Of the episodes that were lost in the last [`Batch::step`]: the environment, and what was not finite.
     pub fn faults(&self) -> &[(usize, Fault)] {
         &self.faults
     }
@@ -168,8 +173,8 @@ impl Batch {
 
     /// Starts an episode everywhere.
     pub fn reset(&mut self) {
+        let rows = self.width() * self.shared.spec.observation_len();
         let shared = &self.shared;
-        let rows = self.groups[0].environments.len() * shared.spec.observation_len();
         self.groups
             .par_iter_mut()
             .zip(self.observations.par_chunks_mut(rows))
@@ -198,33 +203,63 @@ impl Batch {
 
     /// One control step: `actions` in [0, 1], one row an environment.
     pub fn step(&mut self, actions: &[f32]) {
-        let (joints, n) = (self.shared.spec.action_len(), self.shared.spec.observation_len());
+        let joints = self.shared.spec.action_len();
         debug_assert_eq!(actions.len(), self.environments() * joints);
+        let actions = actions.par_chunks(self.width() * joints);
+        self.each_group(actions, |shared, factors, group, rows, actions| {
+            group.step(shared, factors, 0, actions, rows);
+        });
+        self.faults.clear();
+        for group in &mut self.groups {
+            self.faults.append(&mut group.faults);
+        }
+    }
+
+    /// The environments of each group, in order: what [`Batch::roll`] wants a part for.
+    pub fn groups(&self) -> impl Iterator<Item = Range<usize>> {
+        let (n, width) = (self.environments(), self.width());
+        (0..n).step_by(width).map(move |first| first..(first + width).min(n))
+    }
+
+    /// Does `work` for every group, its rows and its element of `with`, on all cores, and gathers the episodes that ended.
+    fn each_group<T: Send>(
+        &mut self,
+        with: impl IndexedParallelIterator<Item = T>,
+        work: impl Fn(&Shared, Factors, &mut Group, &mut Rows, T) + Sync,
+    ) {
+        let (n, width) = (self.shared.spec.observation_len(), self.width());
         let (shared, factors) = (&self.shared, self.factors);
-        let width = self.groups[0].environments.len();
         self.groups
             .par_iter_mut()
             .zip(self.observations.par_chunks_mut(width * n))
             .zip(self.final_observations.par_chunks_mut(width * n))
             .zip(self.terms.par_chunks_mut(width))
             .zip(self.ends.par_chunks_mut(width))
-            .zip(actions.par_chunks(width * joints))
-            .for_each(
-                |(((((group, observations), final_observations), terms), ends), actions)| {
-                    let rows = Rows {
-                        observations,
-                        final_observations,
-                        terms,
-                        ends,
-                    };
-                    group.step(shared, factors, actions, rows);
-                },
-            );
-        self.faults.clear();
+            .zip(with)
+            .for_each(|(((((group, observations), final_observations), terms), ends), with)| {
+                let mut rows = Rows {
+                    observations,
+                    final_observations,
+                    terms,
+                    ends,
+                };
+                work(shared, factors, group, &mut rows, with);
+            });
+        self.gather();
+    }
+
+    /// Gathers the groups' episodes that ended.
+    fn gather(&mut self) {
+        let first = self.episodes.len();
         for group in &mut self.groups {
             self.episodes.append(&mut group.episodes);
-            self.faults.append(&mut group.faults);
         }
+        self.episodes[first..].sort_unstable_by_key(|(step, episode)| (*step, episode.environment));
+    }
+
+    /// Environments of a group; the last may have fewer.
+    fn width(&self) -> usize {
+        self.groups[0].environments.len()
     }
 
     /// Starts, or stops, the clocks that split steps into phases, from zero: of control steps and, if `engine`, of physics
@@ -292,7 +327,7 @@ impl Batch {
 
     /// Everything that determines the future of the batch.
     pub fn save(&self) -> Vec<u8> {
-        let rows = self.groups[0].environments.len() * self.shared.spec.observation_len();
+        let rows = self.width() * self.shared.spec.observation_len();
         let groups = self.groups.iter().zip(self.observations.chunks(rows));
         let groups = groups.map(|(group, observations)| group.save(observations)).collect();
         postcard::to_stdvec(&Saved {
@@ -316,7 +351,7 @@ impl Batch {
             )));
         }
         self.factors = saved.factors;
-        let rows = self.groups[0].environments.len() * self.shared.spec.observation_len();
+        let rows = self.width() * self.shared.spec.observation_len();
         let groups = self.groups.iter_mut().zip(self.observations.chunks_mut(rows));
         for ((group, observations), saved) in groups.zip(saved.groups) {
             group.load(saved, observations)?;
@@ -325,7 +360,7 @@ impl Batch {
     }
 
     fn place(&self, e: usize) -> (usize, usize) {
-        let width = self.groups[0].environments.len();
+        let width = self.width();
         (e / width, e % width)
     }
 }

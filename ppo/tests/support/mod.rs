@@ -1,7 +1,7 @@
 //! A configuration and a small world for the tests.
 #![allow(dead_code, reason = "each test uses a part")]
 
-use omniwalk_ppo::{Activation, Agent, Config, End, Head, Mirror, Rollout, Schedule, UpdateStats};
+use omniwalk_ppo::{Activation, Agent, Config, End, Head, Inference, Mirror, Rollout, Schedule, UpdateStats};
 
 pub fn config() -> Config {
     Config {
@@ -42,6 +42,7 @@ pub struct Points {
     states: Vec<[f32; 4]>,
     ages: Vec<u32>,
     clock: u64,
+    buffers: Inference,
     pub rollout: Rollout,
 }
 
@@ -53,6 +54,7 @@ impl Points {
             states: vec![[0.0; 4]; count],
             ages: (0..count as u32).map(|i| i % Self::EPISODE).collect(),
             clock: 0,
+            buffers: Inference::default(),
             rollout: Rollout::new(steps, count, 4, 2),
         };
         (0..count).for_each(|i| points.reset(i));
@@ -72,7 +74,7 @@ impl Points {
     }
 
     /// Moves all points; the mean reward.
-    pub fn collect(&mut self, agent: &mut Agent) -> f32 {
+    pub fn collect(&mut self, agent: &Agent) -> f32 {
         let count = self.states.len();
         let mut total = 0.0;
         for step in 0..self.rollout.steps {
@@ -81,7 +83,8 @@ impl Points {
             let keys: Vec<u64> = (0..count as u64).map(|i| self.clock * 1000 + i).collect();
             self.rollout.observations[rows.start * 4..rows.end * 4].copy_from_slice(&flat);
             let actions = &mut self.rollout.actions[rows.start * 2..rows.end * 2];
-            agent.act(&flat, &keys, actions, &mut self.rollout.values[rows.clone()]);
+            let values = &mut self.rollout.values[rows.clone()];
+            agent.act(&mut self.buffers, &flat, &keys, actions, values);
             self.clock += 1;
             for i in 0..count {
                 let at = rows.start + i;
@@ -98,7 +101,7 @@ impl Points {
                     self.rollout.ends[at] = End::Terminated;
                 } else if self.ages[i] >= Self::EPISODE {
                     let mut value = [0.0];
-                    agent.values(&self.states[i], &mut value);
+                    agent.values(&mut self.buffers, &self.states[i], &mut value);
                     self.rollout.bootstrap_values[at] = value[0];
                     self.rollout.ends[at] = End::TimeOut;
                 }
@@ -109,7 +112,7 @@ impl Points {
             }
         }
         let flat: Vec<f32> = self.states.iter().flatten().copied().collect();
-        agent.values(&flat, &mut self.rollout.last_values);
+        agent.values(&mut self.buffers, &flat, &mut self.rollout.last_values);
         total / self.rollout.samples() as f32
     }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use omniwalk_controller::{Bounds, Controller, Curriculum, Identity, Policy};
 use omniwalk_env::task::shared::spec;
 use omniwalk_ppo::Agent;
@@ -18,7 +18,7 @@ const WARM_UP: usize = 10_000;
 
 #[derive(clap::Args, Debug)]
 pub struct Options {
-    /// Policy file [default: the default robot with the thesis's networks, 512-512, untrained].
+    /// Policy file [default: the default robot, which is in the repository, with the thesis's networks, 512-512, untrained].
     policy: Option<PathBuf>,
     /// Steps that are measured.
     #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1000..=100_000_000))]
@@ -90,7 +90,15 @@ fn measure(policy: &Policy, mut controller: Controller, steps: u32) -> Value {
 /// The default robot and layout with networks of the thesis's size (7.3.4).
 fn untrained() -> miette::Result<Policy> {
     let (settings, _) = load::settings(None, &["ppo.hidden=[512, 512]".to_owned()])?;
-    let layout = spec(&*load::robot(&settings.robot.path)?, &settings.env);
+    let robot = &settings.robot.path;
+    if !robot.exists() {
+        return Err(miette!(
+            help = "give the policy to measure: `omniwalk bench controller walk.omni`",
+            "without a policy the default robot is measured, and there is no {} here",
+            robot.display()
+        ));
+    }
+    let layout = spec(&*load::robot(robot)?, &settings.env);
     let (inputs, joints) = (layout.observation_len(), layout.action_len());
     let agent = Agent::new(settings.ppo, inputs, joints, settings.train.seed).into_diagnostic()?;
     let bounds = Bounds {

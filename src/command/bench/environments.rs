@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use omniwalk_env::Batch;
+use omniwalk_env::batch::{Collect, Outcomes};
 use omniwalk_env::engine::Phase;
 use serde_json::{Value, json};
 
@@ -13,11 +14,37 @@ use super::{engine, load, median};
 use crate::settings::Settings;
 use crate::terminal::say;
 
+/// Control steps in one go, as training collects them.
+const STEPS: usize = 128;
+
 /// Environments under random actions.
 struct Bench {
     batch: Batch,
+    draws: Vec<Draws>,
+}
+
+/// Random actions of a group: every one a hash of its count, so that they do not wait for each other.
+struct Draws {
     actions: Vec<f32>,
     counter: u32,
+}
+
+struct Random;
+
+impl Collect for Random {
+    type Part = Draws;
+
+    fn act<'p>(&self, draws: &'p mut Draws, _: usize, _: &[f32]) -> &'p [f32] {
+        for (action, count) in draws.actions.iter_mut().zip(draws.counter..) {
+            let mixed = (count ^ (count >> 16)).wrapping_mul(0x7feb_352d);
+            let mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x846c_a68b);
+            *action = (mixed >> 8) as f32 / (1 << 24) as f32;
+        }
+        draws.counter = draws.counter.wrapping_add(draws.actions.len() as u32);
+        &draws.actions
+    }
+
+    fn take(&self, _: &mut Draws, _: usize, _: &Outcomes<'_>) {}
 }
 
 /// What a second of it took.
@@ -36,12 +63,14 @@ struct Round {
 pub fn bench(settings: &Settings, seconds: u32, threads: usize) -> miette::Result<Value> {
     let robot = load::robot(&settings.robot.path)?;
     let batch = Batch::new(robot, &settings.env, settings.train.environments, settings.train.seed)?;
-    let actions = batch.environments() * batch.shared().spec.action_len();
-    let mut bench = Bench {
-        batch,
-        actions: vec![0.5_f32; actions],
-        counter: 0,
-    };
+    let joints = batch.shared().spec.action_len();
+    let draws = batch.groups().map(|environments| Draws {
+        actions: vec![0.5; environments.len() * joints],
+        // Far enough apart that groups do not repeat each other.
+        counter: (environments.start as u32).wrapping_mul(0x9e37_79b9),
+    });
+    let draws = draws.collect();
+    let mut bench = Bench { batch, draws };
     let peak = omniwalk_ppo::peak_gflops(threads);
     bench.round(false);
     let (mut rounds, mut split, mut operations) = (vec![], vec![], vec![]);
@@ -68,26 +97,15 @@ pub fn bench(settings: &Settings, seconds: u32, threads: usize) -> miette::Resul
 }
 
 impl Bench {
-    /// Random actions: every one a hash of its count, so that they do not wait for each other; all threads wait for this.
-    fn draw_actions(&mut self) {
-        for (action, count) in self.actions.iter_mut().zip(self.counter..) {
-            let mixed = (count ^ (count >> 16)).wrapping_mul(0x7feb_352d);
-            let mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x846c_a68b);
-            *action = (mixed >> 8) as f32 / (1 << 24) as f32;
-        }
-        self.counter = self.counter.wrapping_add(self.actions.len() as u32);
-    }
-
     /// A second of steps; `engine` splits physics steps too.
     fn round(&mut self, engine: bool) -> Round {
         self.batch.time_phases(true, engine);
         let (start, before) = (Instant::now(), processor_seconds());
         let mut steps = 0;
         while start.elapsed() < Duration::from_secs(1) {
-            self.draw_actions();
-            self.batch.step(&self.actions);
-            self.batch.take_episodes();
-            steps += self.batch.environments();
+            self.batch.roll(STEPS, &Random, &mut self.draws);
+            self.batch.take_episodes().for_each(drop);
+            steps += STEPS * self.batch.environments();
         }
         Round {
             steps: steps as f64,

@@ -1,7 +1,7 @@
 //! Between nalgebra, which this crate speaks, and the vector types of rapier.
 
-use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use rapier3d_f64::math::{Matrix, Pose, Rotation, Vector};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use rapier3d_f64::math::{Pose, Rotation, Vector};
 
 /// A vector for rapier.
 pub(super) fn vector(v: &Vector3<f64>) -> Vector {
@@ -34,19 +34,4 @@ pub(super) fn from_pose(p: &Pose) -> Isometry3<f64> {
         Translation3::from(from_vector(p.translation)),
         from_rotation(p.rotation),
     )
-}
-
-/// A symmetric matrix for rapier.
-pub(super) fn matrix(m: &Matrix3<f64>) -> Matrix {
-    Matrix::from_cols_array(&[
-        m[(0, 0)],
-        m[(1, 0)],
-        m[(2, 0)],
-        m[(0, 1)],
-        m[(1, 1)],
-        m[(2, 1)],
-        m[(0, 2)],
-        m[(1, 2)],
-        m[(2, 2)],
-    ])
 }
