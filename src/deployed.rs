@@ -1,10 +1,10 @@
 //! A policy file on a simulated robot: the settings under which the environments' controller is the file's.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::miette;
-use omniwalk_controller::{ActionLaw, FilterSpec, Policy};
+use omniwalk_controller::{FilterSpec, Policy};
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::shared::spec;
 
@@ -41,7 +41,7 @@ impl Deployed {
             layers = layers.set(change)?;
         }
         let settings = layers.build::<Settings>()?.0;
-        let robot = load::robot(robot.unwrap_or(&settings.robot.path))?;
+        let robot = load::robot(&find_robot(path, robot, &settings.robot.path)?)?;
         let found = spec(&robot, &settings.env);
         policy.spec().check_robot(&found).map_err(|misfit| {
             miette!(
@@ -56,6 +56,24 @@ impl Deployed {
             robot,
             settings,
         })
+    }
+}
+
+/// Where the robot of the policy at `policy` is: where the user says, in the run that the policy lies in, or the default one. A
+/// policy file says how its robot's joints are driven, but has not the bodies and shapes that a simulation needs.
+fn find_robot(policy: &Path, given: Option<&Path>, default: &Path) -> miette::Result<PathBuf> {
+    let of_run = policy.parent().map(|folder| folder.join("robot"));
+    let places = [of_run, Some(default.to_owned())];
+    match given {
+        Some(robot) => Ok(robot.to_owned()),
+        None => places.into_iter().flatten().find(|place| place.exists()).ok_or_else(|| {
+            miette!(
+                help = "give the robot it was trained for by --robot, such as --robot robots/nimbro_op2x",
+                "{} does not hold the body of its robot, which a simulation needs; there is no run around it, and no {} here",
+                policy.display(),
+                default.display()
+            )
+        }),
     }
 }
 
@@ -74,11 +92,7 @@ pub fn layers(policy: &Policy) -> Result<Layers, ConfigError> {
             format!("enabled = true\nkind = \"butterworth\"\ncutoff_hz = {cutoff_hz:?}")
         }
     };
-    let law = match spec.action.law {
-        ActionLaw::IncrementOnMeasured => "increment_on_measured",
-        ActionLaw::IncrementOnTarget => "increment_on_target",
-        ActionLaw::OffsetFromNominal => "offset_from_nominal",
-    };
+    let law = spec.action.law.name();
     let clock = match spec.clock {
         None => "enabled = false".to_owned(),
         Some(clock) => format!(

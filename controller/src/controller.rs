@@ -8,17 +8,22 @@
 //!    +------------------------------ readings were good for RECOVERY_SECONDS, then a reset --+
 //! ```
 //!
-//! A fault is a stale or non-finite reading, or a fall; after a fall only [`Controller::reset`] leads back to walking. A pause
-//! of more than HOLD_SECONDS between two steps leads to the ramp as well: the servos held the last targets for as long. Targets
-//! are finite and within the joint limits in every state and for every input.
+//! A fault is a reading that is stale, not finite or that no working sensor gives ([`Fault::Absurd`]), or a fall; after a fall
+//! only [`Controller::reset`] leads back to walking. A pause of more than HOLD_SECONDS between two steps leads to the ramp as
+//! well: the servos held the last targets for as long. Readings that no fault tells from good ones are bounded to what training
+//! saw before the policy sees them. Targets are finite and within the joint limits in every state and for every input.
+
+mod readings;
+mod status;
+
+pub use status::{Command, Fault, Mode, Reading, Sentence, Status};
 
 use crate::{
     actor::Inference,
-    math::is_finite,
     pipeline::{Pipeline, Sensors},
     policy::{Policy, PolicyError},
     spec::Spec,
-    walker::{OutOfRange, Walker},
+    walker::Walker,
 };
 
 /// How long the last targets are held, s: about the time `sqrt(height / gravity)` in which a humanoid topples, beyond which
@@ -35,83 +40,14 @@ pub const RECOVERY_SECONDS: f32 = 0.5;
 /// message that was lost.
 pub const STALE_PERIODS: f32 = 2.0;
 
-/// What the controller is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
-    /// The policy moves the joints.
-    Walking,
-    /// The last targets are held.
-    Holding,
-    /// The targets move to the nominal pose.
-    Ramping,
-    /// The targets are the nominal pose.
-    Resting,
-}
-
-/// Why the policy does not move the joints in a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fault {
-    /// The newest reading is too old, or from the future.
-    Stale {
-        /// Its age, s; negative from the future.
-        age: f32,
-    },
-    /// A reading is not a finite number.
-    NotFinite {
-        /// Which: `position`, `velocity`, `attitude`, `gyro` or `base_velocity`.
-        reading: &'static str,
-        /// Index within it.
-        index: usize,
-    },
-    /// The base tilts, or has tilted since the last reset, by more than the policy was trained to survive.
-    Fallen,
-    /// The step came sooner than the control rate allows: nothing was done.
-    OverRate,
-}
-
-/// What became of the desired velocity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Taken as it is.
-    Taken,
-    /// Clipped to the range that was trained.
-    Clipped,
-    /// Not a number: its axis stayed what it was.
-    NotFinite,
-}
-
-/// What a step says beside its targets.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Status {
-    /// What the targets are.
-    pub mode: Mode,
-    /// What kept the policy from this step.
-    pub fault: Option<Fault>,
-    /// An observation that training did not see; it was clipped.
-    pub out_of_range: Option<OutOfRange>,
-    /// What became of the desired velocity.
-    pub command: Command,
-    /// How much later the step came than its period after the one before, s; 0 if within half a period.
-    pub late: f32,
-}
-
-impl Status {
-    /// True if the policy walks on readings and a command like those of training, in time.
-    pub fn is_ok(&self) -> bool {
-        self.mode == Mode::Walking
-            && self.fault.is_none()
-            && self.out_of_range.is_none()
-            && self.command == Command::Taken
-            && self.late == 0.0
-    }
-}
-
 /// A policy in its loop on a robot. Nothing allocates after [`Controller::new`].
 #[derive(Clone, Debug)]
 pub struct Controller {
     walker: Walker,
     mode: Mode,
     fallen: bool,
+    /// Whether nobody knows yet where the joints are: a takeover began with positions that cannot be believed.
+    lost: bool,
     /// Whether a first step has been since the reset.
     begun: bool,
     /// Time of the last step that was due, ns.
@@ -149,6 +85,7 @@ impl Controller {
         let mut controller = Self {
             mode: Mode::Resting,
             fallen: false,
+            lost: false,
             begun: false,
             last: 0,
             due: 0,
@@ -170,26 +107,54 @@ impl Controller {
     /// Starts an episode with the clock at `clock_phase`, see [`Pipeline::reset`]; a fall is forgotten. The robot should stand in
     /// the nominal pose.
     pub fn reset(&mut self, clock_phase: f32) {
-        self.walker.reset(clock_phase);
+        self.forget(clock_phase);
         self.mode = Mode::Walking;
-        (self.fallen, self.begun) = (false, false);
-        nominal(self.walker.spec(), &mut self.targets);
+        for (target, joint) in self.targets.iter_mut().zip(&self.walker.spec().joints) {
+            *target = joint.nominal;
+        }
+    }
+
+    /// What was before, but for the targets.
+    fn forget(&mut self, clock_phase: f32) {
+        self.walker.reset(clock_phase);
+        (self.fallen, self.lost, self.begun) = (false, false, false);
     }
 
     /// Starts with a robot in whatever pose, its joints at `position` (rad or m): ramps to the nominal pose, rests, then walks
     /// from the start of an episode. A fall is forgotten.
     ///
+    /// Positions that are not finite or beyond a joint's limits ([`Fault::Absurd`]) are not believed. Then nothing is known to
+    /// ramp from, so no target is safe to send to servos that are on: steps hold what was told last, with the fault, and the
+    /// takeover begins with the first step whose readings are good.
+    ///
+    /// # Errors
+    /// [`Fault::NotFinite`] or [`Fault::Absurd`] with the first such joint.
+    ///
     /// # Panics
     /// When the length is not the spec's.
-    pub fn take_over(&mut self, position: &[f32]) {
+    pub fn take_over(&mut self, position: &[f32]) -> Result<(), Fault> {
         assert_eq!(position.len(), self.targets.len(), "one position for each joint");
-        self.reset(self.reset_phase());
+        self.forget(self.reset_phase());
+        match readings::judge_positions(self.walker.spec(), position) {
+            None => {
+                self.begin_ramp(position);
+                Ok(())
+            }
+            Some(fault) => {
+                self.mode = Mode::Holding;
+                self.lost = true;
+                Err(fault)
+            }
+        }
+    }
+
+    /// Ramps from `position`, which was judged.
+    fn begin_ramp(&mut self, position: &[f32]) {
+        self.lost = false;
         self.mode = Mode::Ramping;
         let joints = self.walker.spec().joints.iter().zip(position);
         for (target, (joint, &position)) in self.targets.iter_mut().zip(joints) {
-            if position.is_finite() {
-                *target = position.clamp(joint.lower, joint.upper);
-            }
+            *target = position.clamp(joint.lower, joint.upper);
         }
     }
 
@@ -223,7 +188,7 @@ impl Controller {
         }
         let elapsed = if self.begun { now.saturating_sub(self.last) } else { 0 };
         status.late = self.schedule(now);
-        if status.late > HOLD_SECONDS && matches!(self.mode, Mode::Walking | Mode::Holding) {
+        if status.late > HOLD_SECONDS && matches!(self.mode, Mode::Walking | Mode::Holding) && !self.lost {
             self.mode = Mode::Ramping;
         }
         status.fault = self.find_fault(now, measured, sensors);
@@ -255,21 +220,8 @@ impl Controller {
             let age = (age as f32 - lead as f32) * 1e-9;
             return Some(Fault::Stale { age });
         }
-        let readings: [(&str, &[f32]); 5] = [
-            ("position", sensors.position),
-            ("velocity", sensors.velocity),
-            ("attitude", &sensors.attitude),
-            ("gyro", &sensors.gyro),
-            (
-                "base_velocity",
-                sensors.base_velocity.as_ref().map_or(&[], |velocity| velocity),
-            ),
-        ];
-        for (reading, values) in readings {
-            if !is_finite(values) {
-                let index = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
-                return Some(Fault::NotFinite { reading, index });
-            }
+        if let Some(fault) = readings::judge(self.walker.spec(), sensors) {
+            return Some(fault);
         }
         let upright = self.walker.spec().upright;
         let beyond = |axis: usize| libm::fabsf(sensors.attitude[axis]) > upright[axis];
@@ -279,6 +231,10 @@ impl Controller {
 
     /// With good readings.
     fn go_on(&mut self, now: u64, sensors: &Sensors, desired: [f32; 3]) {
+        if self.lost {
+            self.begin_ramp(sensors.position);
+            return;
+        }
         match self.mode {
             Mode::Walking | Mode::Holding => self.mode = Mode::Walking,
             // What was begun is finished: the policy starts from the pose it knows.
@@ -295,6 +251,9 @@ impl Controller {
     }
 
     fn fall_back(&mut self, now: u64, elapsed: u64) {
+        if self.lost {
+            return;
+        }
         match self.mode {
             Mode::Walking => (self.mode, self.since) = (Mode::Holding, now),
             Mode::Holding if now.saturating_sub(self.since) >= nanoseconds(HOLD_SECONDS) => self.mode = Mode::Ramping,
@@ -343,7 +302,8 @@ impl Controller {
         self.walker.act(observation, action);
     }
 
-    /// The observation of the last step of the policy, before bounds.
+    /// The observation of the last step of the policy, before bounds, as the policy sees it: mirrored in the second half of a
+    /// symmetric policy's cycle.
     pub fn observation(&self) -> &[f32] {
         self.walker.observation()
     }
@@ -371,12 +331,6 @@ impl Controller {
     /// Name of the instruction set the network runs with.
     pub fn instruction_set(&self) -> &'static str {
         self.walker.instruction_set()
-    }
-}
-
-fn nominal(spec: &Spec, targets: &mut [f32]) {
-    for (target, joint) in targets.iter_mut().zip(&spec.joints) {
-        *target = joint.nominal;
     }
 }
 

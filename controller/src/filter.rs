@@ -18,30 +18,25 @@ pub(crate) struct Filter {
     started: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Coefficients {
-    b: [f32; 3],
-    a: [f32; 2],
-}
+/// b0, b1, b2 and a1, a2.
+type Coefficients = ([f32; 3], [f32; 2]);
 
-impl Coefficients {
-    fn new(spec: FilterSpec, rate_hz: f32) -> Self {
-        match spec {
-            FilterSpec::Exponential { gain } => Self {
-                b: [gain, 0.0, 0.0],
-                a: [gain - 1.0, 0.0],
-            },
-            FilterSpec::Butterworth { cutoff_hz } => {
+impl FilterSpec {
+    /// b0, b1, b2 and a1, a2 of `y_k = b0 x_k + b1 x_{k-1} + b2 x_{k-2} - a1 y_{k-1} - a2 y_{k-2}` at `rate_hz`.
+    pub fn coefficients(self, rate_hz: f32) -> Coefficients {
+        match self {
+            Self::Exponential { gain } => ([gain, 0.0, 0.0], [gain - 1.0, 0.0]),
+            Self::Butterworth { cutoff_hz } => {
                 // s = (1 - 1/z) / (1 + 1/z) / k in 1 / (s^2 + sqrt(2) s + 1), with k prewarped so that the
                 // cutoff stays where it is.
                 let k = tanf(core::f32::consts::PI * cutoff_hz / rate_hz);
                 let damping = core::f32::consts::SQRT_2 * k;
                 let norm = 1.0 / (1.0 + damping + k * k);
                 let b = k * k * norm;
-                Self {
-                    b: [b, 2.0 * b, b],
-                    a: [2.0 * (k * k - 1.0) * norm, (1.0 - damping + k * k) * norm],
-                }
+                (
+                    [b, 2.0 * b, b],
+                    [2.0 * (k * k - 1.0) * norm, (1.0 - damping + k * k) * norm],
+                )
             }
         }
     }
@@ -50,7 +45,7 @@ impl Coefficients {
 impl Filter {
     pub(crate) fn new(spec: FilterSpec, rate_hz: f32, channels: usize) -> Self {
         Self {
-            coefficients: Coefficients::new(spec, rate_hz),
+            coefficients: spec.coefficients(rate_hz),
             state: vec![[0.0; 2]; channels],
             started: false,
         }
@@ -63,7 +58,7 @@ impl Filter {
 
     /// Filters one sample of every channel in place.
     pub(crate) fn apply(&mut self, values: &mut [f32]) {
-        let Coefficients { b, a } = self.coefficients;
+        let (b, a) = self.coefficients;
         if !self.started {
             self.started = true;
             for (state, x) in self.state.iter_mut().zip(values.iter()) {

@@ -137,6 +137,12 @@ impl Policy {
         &self.actor
     }
 
+    /// How the weights are stored: the lowest precision of its layers.
+    pub fn precision(&self) -> Precision {
+        let layers = self.actor.layers.iter().map(|layer| layer.weights.precision());
+        layers.max().unwrap_or(Precision::F32)
+    }
+
     /// What training saw.
     pub fn bounds(&self) -> &Bounds {
         &self.bounds

@@ -5,12 +5,24 @@ use alloc::string::String;
 use thiserror::Error;
 
 use crate::{
-    math::{dot, is_finite},
+    math::dot,
     spec::{Block, FilterSpec, Leg, Spec},
 };
 
 /// Most joints of a policy; they are compared in pairs.
 pub const MAX_JOINTS: usize = 256;
+
+/// Largest gain and torque limit, in their units: stiffer and stronger than any machine, and their products are still numbers.
+const LARGEST_GAIN: f32 = 1e9;
+
+/// Largest position and action, rad or m: what a joint that turns on and on still has as its limit, and more.
+const LARGEST_POSITION: f32 = 1e4;
+
+/// Largest length of a leg's part, m, and largest share of a joint in a coupled one's motion.
+const LARGEST_LENGTH: f32 = 1e3;
+
+/// Largest control rate, Hz, and desired velocity, m/s or rad/s.
+const LARGEST_RATE: f32 = 1e5;
 
 /// Most legs of a robot, and joints of a leg.
 const MAX_LEGS: usize = 64;
@@ -110,6 +122,13 @@ impl Spec {
     /// The first field that is wrong and what would be right.
     pub fn validate(&self) -> Result<(), SpecError> {
         positive("control_hz", self.control_hz)?;
+        if self.control_hz > LARGEST_RATE {
+            return Err(SpecError::Value {
+                field: "control_hz",
+                value: self.control_hz,
+                expected: "but must be at most 1e5",
+            });
+        }
         if self.inertial_frame_period.is_nan() || self.inertial_frame_period <= 0.0 {
             return Err(SpecError::Value {
                 field: "inertial_frame_period",
@@ -172,12 +191,17 @@ impl Spec {
                 });
             }
             let checks = [
-                ("lower", joint.lower, joint.lower.is_finite(), "but must be finite"),
+                (
+                    "lower",
+                    joint.lower,
+                    joint.lower.abs() <= LARGEST_POSITION,
+                    "but must be -1e4 to 1e4",
+                ),
                 (
                     "upper",
                     joint.upper,
-                    joint.upper.is_finite() && joint.upper >= joint.lower,
-                    "but must be finite and not below the lower limit",
+                    joint.upper <= LARGEST_POSITION && joint.upper >= joint.lower,
+                    "but must be at most 1e4 and not below the lower limit",
                 ),
                 (
                     "nominal",
@@ -188,26 +212,27 @@ impl Spec {
                 (
                     "kp",
                     joint.kp,
-                    joint.kp.is_finite() && joint.kp > 0.0,
-                    "but must be finite and positive",
+                    joint.kp > 0.0 && joint.kp <= LARGEST_GAIN,
+                    "but must be positive and at most 1e9",
                 ),
                 (
                     "kd",
                     joint.kd,
-                    joint.kd.is_finite() && joint.kd >= 0.0,
-                    "but must be finite and not negative",
+                    (0.0..=LARGEST_GAIN).contains(&joint.kd),
+                    "but must be 0 to 1e9",
                 ),
                 (
                     "torque_limit",
                     joint.torque_limit,
-                    joint.torque_limit > 0.0,
-                    "but must be positive",
+                    joint.torque_limit > 0.0
+                        && (joint.torque_limit <= LARGEST_GAIN || joint.torque_limit.is_infinite()),
+                    "but must be positive and at most 1e9, or infinite for none",
                 ),
                 (
                     "action_scale",
                     joint.action_scale,
-                    joint.action_scale.is_finite() && joint.action_scale > 0.0,
-                    "but must be finite and positive",
+                    joint.action_scale > 0.0 && joint.action_scale <= LARGEST_POSITION,
+                    "but must be positive and at most 1e4",
                 ),
             ];
             for (field, value, right, expected) in checks {
@@ -253,12 +278,17 @@ impl Spec {
             let (lower, upper, rate) = (command.lower[axis], command.upper[axis], command.rate[axis]);
             let checks = [
                 ("command.rate", rate, rate > 0.0, "but must be positive"),
-                ("command.lower", lower, lower.is_finite(), "but must be finite"),
+                (
+                    "command.lower",
+                    lower,
+                    lower.abs() <= LARGEST_RATE,
+                    "but must be -1e5 to 1e5",
+                ),
                 (
                     "command.upper",
                     upper,
-                    upper.is_finite() && upper >= lower,
-                    "but must be finite and not below command.lower",
+                    upper <= LARGEST_RATE && upper >= lower,
+                    "but must be at most 1e5 and not below command.lower",
                 ),
             ];
             for (field, value, right, expected) in checks {
@@ -312,8 +342,12 @@ fn validate_leg(leg: &Leg, joints: usize) -> Result<(), SpecError> {
                 joints,
             });
         }
-        if !is_finite(&segment.translation) || !segment.multiplier.is_finite() || !segment.offset.is_finite() {
-            return Err(wrong("a segment's translation, multiplier or offset", "a number"));
+        let [x, y, z] = segment.translation;
+        if ![x, y, z, segment.multiplier].iter().all(|x| x.abs() <= LARGEST_LENGTH) {
+            return Err(wrong("a segment's translation or multiplier", "at most 1e3"));
+        }
+        if segment.offset.is_nan() || segment.offset.abs() > LARGEST_POSITION {
+            return Err(wrong("a segment's offset", "at most 1e4"));
         }
         if !turn(segment.rotation) {
             return Err(wrong("a segment's rotation", "a unit quaternion"));
@@ -322,8 +356,8 @@ fn validate_leg(leg: &Leg, joints: usize) -> Result<(), SpecError> {
             return Err(wrong("a segment's axis", "a unit vector"));
         }
     }
-    if !leg.corners.iter().all(|corner| is_finite(corner)) {
-        return Err(wrong("a sole corner", "a number"));
+    if !leg.corners.iter().flatten().all(|x| x.abs() <= LARGEST_LENGTH) {
+        return Err(wrong("a sole corner", "at most 1e3"));
     }
     if turn(leg.sole_rotation) {
         Ok(())

@@ -1,13 +1,14 @@
 //! Weights as a file stores them: in single precision, in half, or in eight bits with a scale for each output.
 
 use alloc::vec::Vec;
+use core::fmt;
 
 use libm::{fabsf, roundf};
 
 use crate::math::is_finite;
 
 /// How weights are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Precision {
     /// IEEE 754 single precision.
     F32,
@@ -15,6 +16,16 @@ pub enum Precision {
     F16,
     /// Whole numbers from -127 to 127 times a scale for each output.
     Int8,
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::F32 => "f32",
+            Self::F16 => "f16",
+            Self::Int8 => "int8",
+        })
+    }
 }
 
 /// The weights of a layer, a row of its inputs for each output.

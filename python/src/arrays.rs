@@ -3,18 +3,36 @@
 use std::borrow::Cow;
 
 use numpy::{AllowTypeChange, PyArray1, PyArrayLike1, PyArrayLikeDyn, PyReadwriteArrayDyn};
-use pyo3::prelude::*;
+use pyo3::{Borrowed, prelude::*};
 
 use crate::error::refuse;
 
 /// Numbers in a row: an array of one dimension, a list or a tuple.
-pub type Row<'py> = PyArrayLike1<'py, f32, AllowTypeChange>;
+pub struct Row<'py>(PyArrayLike1<'py, f32, AllowTypeChange>);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Row<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        object.extract().map(Self).map_err(|_| {
+            let shape = object.getattr("shape").and_then(|shape| shape.str()).ok();
+            let found = shape.or_else(|| object.get_type().name().ok());
+            refuse(match found {
+                Some(found) => {
+                    format!("numbers in a row are wanted, an array of one dimension or a list; this is {found}")
+                }
+                None => "numbers in a row are wanted, an array of one dimension or a list".to_owned(),
+            })
+        })
+    }
+}
 
 /// Numbers in any number of dimensions.
 pub type Numbers<'py> = PyArrayLikeDyn<'py, f32, AllowTypeChange>;
 
 /// The entries of `row`, which must be `len`.
 pub fn entries<'a>(row: &'a Row<'_>, len: usize, what: &str) -> PyResult<Cow<'a, [f32]>> {
+    let row = &row.0;
     let found = row.as_array().len();
     if found != len {
         return Err(refuse(format!("{what} has {found} numbers instead of {len}")));

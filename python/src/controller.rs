@@ -10,8 +10,8 @@ use omniwalk::settings::Settings;
 use omniwalk_controller as rust;
 use omniwalk_controller::{JointSpec, Policy, Sensors, Spec};
 use omniwalk_env::task::shared::spec;
-use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use pyo3::{Borrowed, prelude::*};
 
 use crate::arrays::{self, Numbers, Row};
 use crate::error::{raise, refuse};
@@ -27,10 +27,20 @@ pub struct Controller {
 }
 
 /// Readings or targets of the joints: in the policy's order, or by name.
-#[derive(FromPyObject)]
 enum Joints<'py> {
     Named(Bound<'py, PyDict>),
     Ordered(Row<'py>),
+}
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Joints<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        match object.cast::<PyDict>() {
+            Ok(values) => Ok(Self::Named(values.to_owned())),
+            Err(_) => object.extract().map(Self::Ordered),
+        }
+    }
 }
 
 impl Joints<'_> {
@@ -223,10 +233,13 @@ impl Controller {
     }
 
     /// Starts with a robot in whatever pose: ramps to the nominal pose, rests, then walks.
+    ///
+    /// Raises Error if a position is not finite or well beyond its joint's limits. Then send no targets to servos that are on:
+    /// steps hold what was told last, with the fault, until one of them has good readings, from which the takeover begins.
     fn take_over(&mut self, position: Joints<'_>) -> PyResult<()> {
         let position = position.entries(&self.policy.spec().joints, "position")?;
-        self.controller.take_over(&position);
-        Ok(())
+        let taken = self.controller.take_over(&position);
+        taken.map_err(|fault| refuse(fault.sentence(self.policy.spec())))
     }
 
     /// One step, to be made once a control period: the targets (rad or m, finite, within limits) and a status.
@@ -321,7 +334,8 @@ impl Controller {
         Ok((**out).clone())
     }
 
-    /// The observation of the last step of the policy, before bounds.
+    /// The observation of the last step of the policy, before bounds, as the policy sees it: mirrored in the second half of a
+    /// symmetric policy's cycle.
     #[getter]
     fn observation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
         arrays::new(py, self.controller.observation().iter().copied())

@@ -34,9 +34,9 @@ impl OutOfRange {
 pub struct Status {
     /// What the targets are: `walking`, `holding`, `ramping` or `resting`.
     mode: &'static str,
-    /// What kept the policy from this step: `stale`, `not_finite`, `fallen`, `over_rate` or None.
+    /// What kept the policy from this step: `stale`, `not_finite`, `absurd`, `fallen`, `over_rate` or None.
     fault: Option<&'static str>,
-    /// The fault in a sentence; empty without one.
+    /// What is not as it should be, in words; empty if all is.
     message: String,
     /// An observation that training did not see.
     out_of_range: Option<OutOfRange>,
@@ -51,25 +51,14 @@ pub struct Status {
 #[pymethods]
 impl Status {
     fn __repr__(&self) -> String {
-        let fault = self.fault.map_or(String::new(), |_| format!(", {}", self.message));
-        let range = self
-            .out_of_range
-            .as_ref()
-            .map_or(String::new(), |it| format!(", {}", it.__repr__()));
-        format!(
-            "Status({}{fault}{range}, command {}, late {} s)",
-            self.mode, self.command, self.late
-        )
+        let message = if self.message.is_empty() { "ok" } else { &self.message };
+        format!("Status({}, {message})", self.mode)
     }
 }
 
 impl Status {
     /// The status in Python's words.
     pub fn new(status: &rust::Status, spec: &rust::Spec) -> Self {
-        let (fault, message) = status.fault.map_or((None, String::new()), |fault| {
-            let (name, message) = describe(&fault);
-            (Some(name), message)
-        });
         Self {
             mode: match status.mode {
                 rust::Mode::Walking => "walking",
@@ -77,8 +66,8 @@ impl Status {
                 rust::Mode::Ramping => "ramping",
                 rust::Mode::Resting => "resting",
             },
-            fault,
-            message,
+            fault: status.fault.map(name),
+            message: status.sentence(spec).to_string(),
             out_of_range: status.out_of_range.map(|it| OutOfRange {
                 entry: it.entry,
                 name: spec.entry_name(it.entry).unwrap_or_default(),
@@ -97,16 +86,12 @@ impl Status {
     }
 }
 
-fn describe(fault: &rust::Fault) -> (&'static str, String) {
+fn name(fault: rust::Fault) -> &'static str {
     match fault {
-        rust::Fault::Stale { age } => ("stale", format!("the newest reading is {age:.3} s old")),
-        rust::Fault::NotFinite { reading, index } => {
-            ("not_finite", format!("{reading}[{index}] is not a finite number"))
-        }
-        rust::Fault::Fallen => ("fallen", "the robot has fallen; reset the controller".to_owned()),
-        rust::Fault::OverRate => (
-            "over_rate",
-            "the step came sooner than the control rate allows".to_owned(),
-        ),
+        rust::Fault::Stale { .. } => "stale",
+        rust::Fault::NotFinite { .. } => "not_finite",
+        rust::Fault::Absurd { .. } => "absurd",
+        rust::Fault::Fallen => "fallen",
+        rust::Fault::OverRate => "over_rate",
     }
 }

@@ -171,6 +171,16 @@ def test_joints_that_do_not_fit_are_named():
         controller.step(0, 0, **readings)
 
 
+@pytest.mark.parametrize("reading", ["position", "velocity", "attitude"])
+def test_readings_that_are_no_row_are_refused_in_words(reading):
+    controller = omniwalk.Controller(TRAINED)
+    readings = still(controller)
+    readings[reading] = np.atleast_2d(readings[reading])
+    shape = rf"an array of one dimension or a list; this is \(1, {readings[reading].size}\)"
+    with pytest.raises(omniwalk.Error, match=shape):
+        controller.step(0, 0, **readings)
+
+
 def test_the_policy_fits_its_robot_and_no_other():
     controller = omniwalk.Controller(TRAINED)
     robot = omniwalk.Robot(ROOT / "robots/nimbro_op2x")
@@ -189,19 +199,38 @@ def test_a_status_says_what_is_wrong():
     again, status = controller.step(period // 4, period // 4, **readings)
     assert status.fault == "over_rate" and np.array_equal(again, targets)
     held, status = controller.step(period, period, **{**readings, "gyro": [0.0, np.nan, 0.0]})
-    assert (status.mode, status.fault, status.message) == ("holding", "not_finite", "gyro[1] is not a finite number")
+    assert (status.mode, status.fault, status.message) == ("holding", "not_finite", "gyro[y] is not a finite number")
     assert np.array_equal(held, targets)
     _, status = controller.step(2 * period, 2 * period, **{**readings, "desired": [5.0, 0.0, 0.0]})
     assert status.command == "clipped" and status.mode == "walking"
+    assert status.message == "the desired velocity is clipped to what was trained"
     _, status = controller.step(3 * period, 3 * period, **{**readings, "gyro": [0.0, 0.0, 500.0]})
     assert status.out_of_range.name.startswith("gyro") and status.out_of_range.excess > 400.0
     _, status = controller.step(5 * period, 0, **readings)
-    assert (status.fault, status.message) == ("stale", "the newest reading is 0.125 s old")
+    assert (status.fault, status.message) == ("stale", "the newest reading is 0.125 s old; the step came 0.025 s late")
     _, status = controller.step(6 * period, 6 * period, **{**readings, "attitude": [2.0, 0.0]})
     assert status.fault == "fallen" and not status.ok
     controller.take_over(controller.nominal + 0.1)
     _, status = controller.step(7 * period, 7 * period, **readings)
     assert status.mode == "ramping"
+
+
+@pytest.mark.parametrize("position", [np.nan, np.inf, 1e9])
+def test_positions_that_cannot_be_are_not_taken_over(position):
+    controller = omniwalk.Controller(TRAINED)
+    readings, period = still(controller), controller.period
+    before, _ = controller.step(0, 0, **readings)
+    lost = readings["position"].copy()
+    lost[3] = position
+    with pytest.raises(omniwalk.Error, match=rf"^position\[{controller.joints[3]}\] is "):
+        controller.take_over(lost)
+    for k in range(1, 40):
+        targets, status = controller.step(k * period, k * period, **{**readings, "position": lost})
+        assert status.mode == "holding" and status.fault in ("not_finite", "absurd")
+        assert np.array_equal(targets, before), "what was told last"
+    away = readings["position"] + 0.1
+    targets, status = controller.step(40 * period, 40 * period, **{**readings, "position": away})
+    assert status.mode == "ramping" and np.abs(targets - away).max() < 0.02
 
 
 def test_results_are_written_where_they_are_wanted():

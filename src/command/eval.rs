@@ -9,6 +9,7 @@ use omniwalk_env::engine::Configured;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::shared::spec;
 use omniwalk_env::{Batch, EnvConfig};
+use omniwalk_ppo::Inference;
 use serde_json::{Value, json};
 
 use super::load;
@@ -208,7 +209,7 @@ impl Loaded {
         Ok(Self {
             layers: Layers::new(DEFAULT)?.file(&args.run.join("config.toml"))?,
             range: [settings.env.command.lower, settings.env.command.upper],
-            player: Player::Learner(Box::new(agent)),
+            player: Player::Learner(Box::new(agent), Inference::default()),
             steps: latest.checkpoint.step,
             folder: args.run.clone(),
             settings,

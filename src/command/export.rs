@@ -22,7 +22,7 @@ use crate::terminal::say;
 #[derive(clap::Args, Debug)]
 #[command(group = clap::ArgGroup::new("what").required(true).multiple(true).args(["out", "onnx", "c"]))]
 pub struct Args {
-    /// Run folder, of which the newest checkpoint is taken, or a policy file in f32.
+    /// Run folder, of which the newest checkpoint is taken, or a policy file in f32: what f16 and int8 have lost is not in them.
     source: PathBuf,
     /// Policy file to write (.omni).
     #[arg(long, value_name = "FILE")]
@@ -30,7 +30,7 @@ pub struct Args {
     /// How the policy file and the C sources store the weights.
     #[arg(long, default_value = "f32")]
     format: Format,
-    /// Also writes an ONNX model: bounds, normaliser, network, mode, and the joints' displacements; in f32.
+    /// Also writes an ONNX model, from observation to joint targets, in f32; docs/policy-file.md says what goes in and out.
     #[arg(long, value_name = "FILE")]
     onnx: Option<PathBuf>,
     /// Of a run: the checkpoint that walks best in MuJoCo, as `train --crosscheck-every` measured, instead of the newest.
@@ -55,7 +55,7 @@ enum Format {
 pub fn run(args: &Args) -> miette::Result<()> {
     let best = args.best_transfer.then(|| best_transfer(&args.source)).transpose()?;
     let full = if args.source.is_file() {
-        load::policy(&args.source)?
+        in_full(load::policy(&args.source)?, &args.source)?
     } else {
         export::policy(&args.source, best.as_ref().map(|best| best.path.as_path()))?
     };
@@ -96,6 +96,18 @@ pub fn run(args: &Args) -> miette::Result<()> {
         say(format_args!("C:      {}", folder.display()))?;
     }
     Ok(())
+}
+
+/// The policy of a file, if its weights are those of training: all others are measured against them.
+fn in_full(policy: Policy, source: &Path) -> miette::Result<Policy> {
+    match policy.precision() {
+        Precision::F32 => Ok(policy),
+        precision => Err(miette!(
+            help = "give the run folder it was exported from, or a policy file in f32",
+            "the weights in {} are rounded to {precision}; what that lost is not in the file",
+            source.display()
+        )),
+    }
 }
 
 fn best_transfer(source: &Path) -> miette::Result<Transferred> {
@@ -176,14 +188,7 @@ fn in_format(policy: &Policy, format: Format) -> miette::Result<Policy> {
         Format::F16 => Precision::F16,
         Format::Int8 => Precision::Int8,
     };
-    let weights = |policy: &Policy| {
-        policy
-            .actor()
-            .layers
-            .iter()
-            .all(|layer| layer.weights.precision() == precision)
-    };
-    if weights(policy) {
+    if policy.precision() == precision {
         return Ok(policy.clone());
     }
     policy

@@ -66,6 +66,13 @@ pub fn latest(run: &RunFolder) -> miette::Result<Latest> {
 
 /// The policy in the file at `path`.
 pub fn policy(path: &Path) -> miette::Result<Policy> {
+    if path.is_dir() {
+        return Err(miette!(
+            help = "give a policy file; `omniwalk export RUN --out walk.omni` makes one of a run",
+            "{} is a folder, not a policy file",
+            path.display()
+        ));
+    }
     let mut bytes = Vec::new();
     files::open(path)
         .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut bytes))

@@ -1,23 +1,26 @@
 //! `omniwalk rehearse`.
 
-use std::fs;
+use std::io::stdin;
+use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
+use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
 
 use super::load;
 use crate::deployed::Deployed;
 use crate::files::can_write;
-use crate::rehearse::brain;
 use crate::rehearse::robot::Simulated;
+use crate::rehearse::{Line, brain};
 use crate::run::write_atomic;
 use crate::terminal::say;
 
 /// Runs a policy's controller in a process of its own against the simulated robot, in real time.
 ///
-/// Readings take as long as in the training of the policy, each its own time; the log is the one a robot would write.
-/// Reports deadline misses, latencies and the walk. Stop or kill either process to see what happens.
+/// Readings are as old when the policy acts on them as in an episode of its training; the log is the one a robot would write.
+/// Reports deadline misses, latencies and the walk. Stop or kill either process to see what happens: a controller that died is
+/// started again after a second, a robot that died leaves its log for `mcap recover`.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Policy file.
@@ -46,21 +49,28 @@ pub struct Args {
     /// Also writes the result to FILE.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Is the controller's process, with the sockets in this folder.
-    #[arg(long, value_name = "DIR", hide = true)]
-    controller: Option<PathBuf>,
+    /// Is the controller's process, with the line to the robot as its standard input.
+    #[arg(long, hide = true)]
+    controller: bool,
 }
 
 /// Most controllers that are started in place of one that died.
 const MOST_RESTARTS: u32 = 20;
+
+/// How long a controller that died stays away, as one that is started by a supervisor.
+const AWAY: Duration = Duration::from_secs(1);
 
 /// Runs the command.
 ///
 /// # Errors
 /// When policy and robot do not fit, files cannot be written, or the controller dies again and again.
 pub fn run(args: &Args) -> miette::Result<()> {
-    if let Some(folder) = &args.controller {
-        return brain::run(&load::policy(&args.policy)?, folder);
+    if args.controller {
+        let line = stdin().as_fd().try_clone_to_owned().and_then(Line::new);
+        let line = line
+            .into_diagnostic()
+            .wrap_err("standard input is no line to a robot")?;
+        return brain::run(&load::policy(&args.policy)?, line);
     }
     let mut changes = args.set.clone();
     changes.push(format!("engine.kind={}", args.engine));
@@ -80,9 +90,8 @@ pub fn run(args: &Args) -> miette::Result<()> {
         .clone()
         .unwrap_or_else(|| args.policy.with_extension("rehearsal.mcap"));
     args.json.iter().chain([&log]).try_for_each(|file| can_write(file))?;
-    let folder = Folder::create()?;
-    let robot = Simulated::new(&deployed, desired, args.seed, &folder.0, &log)?;
-    let mut controller = Process::start(&args.policy, &folder.0)?;
+    let (mut controller, line) = Process::start(&args.policy)?;
+    let robot = Simulated::new(&deployed, desired, args.seed, line, &log)?;
     say(format_args!(
         "{} at {desired:?} for {} s",
         args.policy.display(),
@@ -114,57 +123,46 @@ fn within_bounds(deployed: &Deployed, desired: [f32; 3]) -> miette::Result<()> {
     ))
 }
 
-/// The folder of the sockets, which goes when it is dropped.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn create() -> miette::Result<Self> {
-        let path = std::env::temp_dir().join(format!("omniwalk-rehearsal-{}", std::process::id()));
-        fs::create_dir(&path)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot create {}", path.display()))?;
-        Ok(Self(path))
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // A folder that stays is a nuisance, not a fault.
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
 /// The controller's process.
 struct Process {
     child: Child,
     policy: PathBuf,
-    folder: PathBuf,
     restarts: u32,
+    /// When it was found dead.
+    died: Option<Instant>,
 }
 
 impl Process {
-    fn start(policy: &Path, folder: &Path) -> miette::Result<Self> {
-        Ok(Self {
-            child: spawn(policy, folder)?,
+    fn start(policy: &Path) -> miette::Result<(Self, Line)> {
+        let (child, line) = spawn(policy)?;
+        let process = Self {
+            child,
             policy: policy.to_owned(),
-            folder: folder.to_owned(),
             restarts: 0,
-        })
+            died: None,
+        };
+        Ok((process, line))
     }
 
-    /// Starts another if it has died; returns how often that was.
-    fn tend(&mut self) -> miette::Result<u32> {
-        if let Some(status) = self.child.try_wait().into_diagnostic()? {
-            if self.restarts == MOST_RESTARTS {
-                return Err(miette!(
-                    "the controller has died {} times, last with {status}",
-                    MOST_RESTARTS + 1
-                ));
-            }
-            self.restarts += 1;
-            self.child = spawn(&self.policy, &self.folder)?;
+    /// Starts another a while after it has died; returns the line to it.
+    fn tend(&mut self) -> miette::Result<Option<Line>> {
+        let Some(status) = self.child.try_wait().into_diagnostic()? else {
+            return Ok(None);
+        };
+        if self.restarts == MOST_RESTARTS {
+            return Err(miette!(
+                "the controller has died {} times, last with {status}",
+                MOST_RESTARTS + 1
+            ));
         }
-        Ok(self.restarts)
+        if self.died.get_or_insert_with(Instant::now).elapsed() < AWAY {
+            return Ok(None);
+        }
+        self.died = None;
+        self.restarts += 1;
+        let (child, line) = spawn(&self.policy)?;
+        self.child = child;
+        Ok(Some(line))
     }
 }
 
@@ -176,16 +174,19 @@ impl Drop for Process {
     }
 }
 
-fn spawn(policy: &Path, folder: &Path) -> miette::Result<Child> {
+fn spawn(policy: &Path) -> miette::Result<(Child, Line)> {
     let program = std::env::current_exe().into_diagnostic()?;
+    let (line, other) = Line::pair()
+        .into_diagnostic()
+        .wrap_err("cannot make a line to the controller")?;
     let child = Command::new(program)
         .arg("rehearse")
         .arg(policy)
         .arg("--controller")
-        .arg(folder)
+        .stdin(other)
         .spawn()
         .into_diagnostic()
         .wrap_err("cannot start the controller")?;
     say(format_args!("controller: process {}", child.id()))?;
-    Ok(child)
+    Ok((child, line))
 }

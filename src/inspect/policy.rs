@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use miette::Report;
-use omniwalk_controller::{ActionSpec, FilterSpec, Identity, Policy, Precision, Spec};
+use omniwalk_controller::{ActionSpec, FilterSpec, Identity, Leg, Policy, Spec};
 
 use crate::command::load;
 
@@ -19,14 +19,14 @@ pub(super) fn describe(path: &Path) -> Result<String, Report> {
     text += &training(identity);
     text += &spec(policy.spec());
     text += &bounds(&policy);
+    text += &normaliser(&policy);
     let widths: Vec<_> = actor.layers.iter().map(|layer| layer.bias.len().to_string()).collect();
     let (inputs, widths) = (actor.observation_len(), widths.join(" - "));
-    let precision = actor.layers.first().map(|layer| layer.weights.precision());
     text += &format!(
-        "  network {inputs} - {widths}, {:?}, head {:?}, weights in {:?}\n",
-        actor.activation,
-        actor.head,
-        precision.unwrap_or(Precision::F32)
+        "  network {inputs} - {widths}, {}, head {}, weights in {}\n",
+        actor.activation.name(),
+        actor.head.name(),
+        policy.precision()
     );
     text += &format!(
         "  reproduces its golden vectors: {} actions, {} steps\n",
@@ -68,6 +68,43 @@ fn bounds(policy: &Policy) -> String {
     )
 }
 
+/// The entries with the smallest and the largest deviation.
+fn normaliser(policy: &Policy) -> String {
+    let actor = policy.actor();
+    let order = |a: &usize, b: &usize| actor.deviation[*a].total_cmp(&actor.deviation[*b]);
+    let entry = |index: Option<usize>| {
+        let index = index.unwrap_or(0);
+        let name = policy.spec().entry_name(index).unwrap_or_default();
+        format!("{name} {:.4} +- {:.4}", actor.mean[index], actor.deviation[index])
+    };
+    let entries = 0..actor.deviation.len();
+    let (smallest, largest) = (entries.clone().min_by(order), entries.max_by(order));
+    format!(
+        "  normalised by mean and deviation, then clipped to +-{}: {} ... {}\n",
+        actor.clip,
+        entry(smallest),
+        entry(largest)
+    )
+}
+
+/// The chains by which the velocity of the base is estimated.
+fn legs(spec: &Spec) -> String {
+    let leg = |leg: &Leg| {
+        let joints = leg.segments.iter().filter_map(|segment| segment.joint);
+        let mut names: Vec<_> = joints
+            .map(|joint| spec.joints[usize::from(joint)].name.as_str())
+            .collect();
+        // A coupling has two joints of one name.
+        names.dedup();
+        format!("    {}: {}\n", leg.name, names.join(", "))
+    };
+    let chains: String = spec.legs.iter().map(leg).collect();
+    match spec.legs.len() {
+        0 => "  no legs: the velocity of the base must be given\n".to_owned(),
+        n => format!("  {n} legs, from the base outward, by which the velocity of the base is estimated\n{chains}"),
+    }
+}
+
 fn spec(spec: &Spec) -> String {
     let mut text = format!(
         "  {} Hz, observation of {} numbers:\n",
@@ -96,9 +133,14 @@ fn spec(spec: &Spec) -> String {
     }
     let command = &spec.command;
     text += &format!(
-        "  commands from {:?} to {:?} m/s, m/s, rad/s\n",
-        command.lower, command.upper
+        "  commands from {:?} to {:?} m/s, m/s, rad/s, followed at most at {:?} m/s^2, m/s^2, rad/s^2\n",
+        command.lower, command.upper, command.rate
     );
+    text += &format!(
+        "  inertial frame set to the heading every {} s\n",
+        spec.inertial_frame_period
+    );
+    text += &legs(spec);
     text += &format!("  {} joints\n", spec.joints.len());
     let width = spec
         .joints
@@ -133,5 +175,5 @@ fn action(action: &ActionSpec) -> String {
     } else {
         ""
     };
-    format!("{:?}, {filter}{clamp}", action.law)
+    format!("{}, {filter}{clamp}", action.law.name())
 }

@@ -1,12 +1,15 @@
 //! A rehearsal: the controller in its own process, the simulated robot in another, in real time.
 //!
 //! ```text
-//! robot: physics at its rate; sensors at the control rate --latency, jitter--> controller: steps at its own pace
-//!        targets hold until others come  <-------------- targets, status -----
+//! robot: physics and sensors at its rate --latency--> controller: steps at its own pace
+//!        targets hold until others come  <-- targets, status --
 //! ```
 //!
+//! The latency is drawn once, as for an episode of training, and means what it means there: how old readings are when the
+//! policy acts on them. What varies about it is what the two processes add.
+//!
 //! Either process may stop or die: the robot's servos hold their last targets, the controller holds, then goes to the nominal
-//! pose; a controller that died is started again.
+//! pose; a controller that died is started again, and one whose robot died ends.
 
 pub mod brain;
 mod clock;
@@ -15,8 +18,6 @@ mod report;
 pub mod robot;
 mod wire;
 
-/// Names of the sockets in their folder.
-const BRAIN: &str = "controller";
-const ROBOT: &str = "robot";
+pub use wire::Line;
 
 pub use report::Report;

@@ -43,6 +43,11 @@ impl Record {
         self.writer.write(time, &self.telemetry.targets(time, targets))
     }
 
+    /// What has been written so far survives the process from here on.
+    pub fn flush(&mut self) -> Result<(), LogError> {
+        self.writer.flush()
+    }
+
     pub fn finish(self) -> Result<(), LogError> {
         self.writer.finish()
     }

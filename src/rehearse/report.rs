@@ -5,15 +5,19 @@ use serde_json::{Value, json};
 /// Names of [`omniwalk_controller::Mode`] by number.
 const MODES: [&str; 4] = ["walking", "holding", "ramping", "resting"];
 /// Names of faults by number; 0 is none.
-const FAULTS: [&str; 4] = ["stale", "not_finite", "fallen", "over_rate"];
+const FAULTS: [&str; 5] = ["stale", "not_finite", "fallen", "over_rate", "absurd"];
 
 /// Figures of a rehearsal, taken on the robot's side.
 #[derive(Debug, Default)]
 pub struct Report {
     /// Length of the rehearsal, s.
     pub seconds: f64,
-    /// Readings that were sent.
+    /// The latency that was drawn, s.
+    pub latency: f64,
+    /// Readings that were sent, one each physics step.
     pub readings: u64,
+    /// Control steps of the simulation.
+    pub control_steps: u64,
     /// Commands that came.
     pub commands: u64,
     /// Steps of the controller that came more than half a period late.
@@ -33,7 +37,7 @@ pub struct Report {
     /// Changes of the mode: when, s, and the new one.
     pub changes: Vec<(f64, u32)>,
     /// Number of commands with each fault.
-    pub faults: [u64; 4],
+    pub faults: [u64; 5],
     /// Commands whose observation was out of the range of training.
     pub out_of_range: u64,
     /// When the robot fell, s.
@@ -90,8 +94,10 @@ impl Report {
         let number = |x: f64| x.is_finite().then_some(x);
         json!({
             "seconds": self.seconds,
+            "latency_s": self.latency,
             "readings": self.readings,
             "commands": self.commands,
+            "control_periods": self.control_steps,
             "deadline_misses": self.deadline_misses,
             "physics_skipped": self.physics_skipped,
             "latency_ms": percentiles(&mut self.latencies, 1e3),
@@ -103,7 +109,7 @@ impl Report {
             "faults": named(&FAULTS, &self.faults),
             "out_of_range": self.out_of_range,
             "fell_after_s": self.fell,
-            "walked_s": self.walk.steps as f64 * self.seconds / self.readings.max(1) as f64,
+            "walked_s": self.walk.steps as f64 * self.seconds / self.control_steps.max(1) as f64,
             "velocity": self.velocity().map(number),
             "estimator_rms_mps": number(self.estimator_error()),
         })
@@ -133,8 +139,8 @@ impl Report {
             .map(|(name, n)| format!("{name} {n}"))
             .collect();
         format!(
-            "{:.1} s, {} readings, {} commands, {} late, {} physics steps left out, controller restarted {} times\n\
-             measurement to targets, ms: {}\n\
+            "{:.1} s, {} readings, {} commands in {} control periods, {} late, {} physics steps left out, controller restarted {} times\n\
+             latency {:.1} ms; from measurement to targets, ms: {}\n\
              step of the controller, us: {}\n\
              longest silence of the controller: {:.3} s\n\
              modes: {}; faults: {}; out of range {}\n\
@@ -143,9 +149,11 @@ impl Report {
             self.seconds,
             self.readings,
             self.commands,
+            self.control_steps,
             self.deadline_misses,
             self.physics_skipped,
             self.restarts,
+            self.latency * 1e3,
             figures("latency_ms"),
             figures("step_us"),
             self.silence,

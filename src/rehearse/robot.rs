@@ -3,26 +3,27 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
-use miette::{IntoDiagnostic, WrapErr};
 use omniwalk_env::plant::Plant;
 
 use super::clock::{now, sleep_until};
 use super::record::Record;
 use super::report::Report;
-use super::wire::{Commanded, Measured, Socket};
-use super::{BRAIN, ROBOT};
+use super::wire::{Commanded, Line, Measured};
 use crate::deployed::Deployed;
 
 /// A simulation that is this late, ns, leaves out what it missed: the controller must not meet a robot in fast motion.
 const HOPELESS: u64 = 50_000_000;
 
+/// How often the log is made safe against the end of this process, ns.
+const FLUSH: u64 = 500_000_000;
+
 /// Walking, by the number of [`omniwalk_controller::Mode`].
 const WALKING: u32 = 0;
 
-/// A simulated robot at one end of the sockets.
+/// A simulated robot at one end of the line.
 pub struct Simulated {
     plant: Plant,
-    socket: Socket,
+    line: Line,
     record: Record,
     report: Report,
     desired: [f32; 3],
@@ -30,6 +31,8 @@ pub struct Simulated {
     dt: u64,
     /// Physics steps of a control step.
     substeps: u64,
+    /// How long readings are underway, ns.
+    latency: u64,
     /// Readings on their way, with the time they arrive.
     underway: VecDeque<(u64, Measured)>,
     /// When each reading was measured and the true velocity of the base then, in the base frame.
@@ -40,19 +43,25 @@ pub struct Simulated {
 }
 
 impl Simulated {
-    /// The robot of `deployed`, asked to walk at `desired`, with its socket in `folder` and its log at `log`.
+    /// The robot of `deployed`, asked to walk at `desired`, with its controller at the other end of `line` and its log at `log`.
     ///
     /// # Errors
-    /// When robot and engine do not fit, or socket or log cannot be made.
-    pub fn new(deployed: &Deployed, desired: [f32; 3], seed: u64, folder: &Path, log: &Path) -> miette::Result<Self> {
+    /// When robot and engine do not fit, or the log cannot be made.
+    pub fn new(deployed: &Deployed, desired: [f32; 3], seed: u64, line: Line, log: &Path) -> miette::Result<Self> {
         let config = &deployed.settings.env;
-        let socket = Socket::open(&folder.join(ROBOT), &folder.join(BRAIN))
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot open a socket in {}", folder.display()))?;
+        let mut plant = Plant::new(&deployed.robot, config, seed)?;
+        let latency = plant.draw_latency();
+        let report = Report {
+            latency,
+            ..Report::default()
+        };
         Ok(Self {
-            plant: Plant::new(&deployed.robot, config, seed)?,
             record: Record::create(log, &deployed.robot)?,
-            report: Report::default(),
+            // The newest reading has waited for half a physics step when the controller takes it, and the targets wait for as
+            // long until the physics takes them.
+            latency: ((latency - config.physics_dt()).max(0.0) * 1e9) as u64,
+            plant,
+            report,
             dt: (config.physics_dt() * 1e9).round() as u64,
             substeps: u64::from(config.substeps()),
             underway: VecDeque::new(),
@@ -60,21 +69,25 @@ impl Simulated {
             mode: u32::MAX,
             start: now(),
             heard: now(),
-            socket,
+            line,
             desired,
         })
     }
 
-    /// Lives for `seconds` and reports. `tend` is called once a control step and says how many controllers were started
-    /// again so far.
+    /// Lives for `seconds` and reports. `tend` is called once a control step and gives the line to a controller that was
+    /// started in place of one that died.
     ///
     /// # Errors
     /// What `tend` says, and when the log cannot be written.
-    pub fn run(mut self, seconds: f64, mut tend: impl FnMut() -> miette::Result<u32>) -> miette::Result<Report> {
+    pub fn run(
+        mut self,
+        seconds: f64,
+        mut tend: impl FnMut() -> miette::Result<Option<Line>>,
+    ) -> miette::Result<Report> {
         self.start = now();
         self.heard = self.start;
         let end = self.start + (seconds * 1e9) as u64;
-        let (mut step, mut due) = (0u64, self.start);
+        let (mut step, mut due, mut flushed) = (0u64, self.start, self.start);
         while now() < end {
             self.hear()?;
             self.deliver();
@@ -84,9 +97,15 @@ impl Simulated {
                 due = now();
             }
             if now() >= due {
-                if step.is_multiple_of(self.substeps) {
-                    self.sense()?;
-                    self.report.restarts = tend()?;
+                let controls = step.is_multiple_of(self.substeps);
+                self.sense(controls)?;
+                if controls && let Some(line) = tend()? {
+                    self.line = line;
+                    self.report.restarts += 1;
+                }
+                if now() - flushed >= FLUSH {
+                    flushed = now();
+                    self.record.flush()?;
                 }
                 self.plant.step();
                 step += 1;
@@ -103,7 +122,7 @@ impl Simulated {
 
     /// Takes the commands that have come; the servos get the newest.
     fn hear(&mut self) -> miette::Result<()> {
-        while let Some(command) = self.socket.receive::<Commanded>() {
+        while let Some(command) = self.line.receive::<Commanded>() {
             let time = now();
             let Some(&(measured, velocity)) = self.truths.get(command.sequence as usize) else {
                 continue;
@@ -144,19 +163,21 @@ impl Simulated {
     fn deliver(&mut self) {
         while self.underway.front().is_some_and(|(arrival, _)| *arrival <= now()) {
             if let Some((_, measured)) = self.underway.pop_front() {
-                self.socket.send(&measured);
+                // A controller that is gone is noticed by whoever tends it.
+                let _ = self.line.send(&measured);
             }
         }
     }
 
-    fn sense(&mut self) -> miette::Result<()> {
+    /// Measures; once a control step also judges the walk and writes the log.
+    fn sense(&mut self, controls: bool) -> miette::Result<()> {
         let time = now();
         let truth = self.plant.truth();
         let since = time - self.start;
         if !self.plant.stands() && self.report.fell.is_none() {
             self.report.fell = Some(since as f64 * 1e-9);
         }
-        if self.mode == WALKING && self.report.fell.is_none() {
+        if controls && self.mode == WALKING && self.report.fell.is_none() {
             let [along, left] = truth.velocity_along(truth.heading);
             let walk = &mut self.report.walk;
             walk.steps += 1;
@@ -164,10 +185,12 @@ impl Simulated {
             sums.for_each(|(sum, x)| *sum += x);
         }
         self.truths.push((time, truth.velocity.into()));
-        let latency = (self.plant.draw_latency() * 1e9) as u64;
         let (torques, base) = (self.plant.torques(), self.plant.base());
         let reading = self.plant.measure();
-        self.record.reading(since, reading, torques, &base, self.desired)?;
+        if controls {
+            self.record.reading(since, reading, torques, &base, self.desired)?;
+            self.report.control_steps += 1;
+        }
         let measured = Measured {
             sequence: self.truths.len() as u64 - 1,
             time,
@@ -177,9 +200,7 @@ impl Simulated {
             position: reading.position.clone(),
             velocity: reading.velocity.clone(),
         };
-        // A bus keeps the order.
-        let last = self.underway.back().map_or(0, |(arrival, _)| *arrival);
-        self.underway.push_back(((time + latency).max(last), measured));
+        self.underway.push_back((time + self.latency, measured));
         self.report.readings += 1;
         Ok(())
     }

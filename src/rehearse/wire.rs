@@ -3,8 +3,8 @@
 //! The two run in processes of one machine and tell time by its monotonic clock, so that the age of a reading is known.
 
 use std::io;
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixDatagram;
-use std::path::Path;
 
 use omniwalk_controller::{MAX_JOINTS, Sensors};
 
@@ -173,37 +173,52 @@ impl Datagram for Commanded {
     }
 }
 
+/// The process at the other end has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gone;
+
 /// One end of the connection. Neither sending nor receiving waits; what the other end does not take is lost, as on a bus.
-pub struct Socket {
+///
+/// The two ends are nowhere but in their processes: nothing is left behind, however these end.
+pub struct Line {
     socket: UnixDatagram,
-    peer: std::path::PathBuf,
     buffer: Vec<u8>,
 }
 
-impl Socket {
-    /// Listens at `own` and sends to `peer`; what was left at `own` by an earlier process is removed.
+impl Line {
+    /// A line's two ends: of this process, and for another one.
     ///
     /// # Errors
     /// What the system says.
-    pub fn open(own: &Path, peer: &Path) -> io::Result<Self> {
-        match std::fs::remove_file(own) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
-        let socket = UnixDatagram::bind(own)?;
+    pub fn pair() -> io::Result<(Self, OwnedFd)> {
+        let (own, other) = UnixDatagram::pair()?;
+        Ok((Self::new(own.into())?, other.into()))
+    }
+
+    /// The end that another process gave to this one.
+    ///
+    /// # Errors
+    /// When it is not one.
+    pub fn new(end: OwnedFd) -> io::Result<Self> {
+        let socket = UnixDatagram::from(end);
         socket.set_nonblocking(true)?;
         Ok(Self {
             socket,
-            peer: peer.to_owned(),
             buffer: Vec::with_capacity(LONGEST),
         })
     }
 
-    /// Sends a message; false if it was lost.
-    pub fn send(&mut self, message: &impl Datagram) -> bool {
+    /// Sends a message, which may be lost.
+    ///
+    /// # Errors
+    /// When there is no other end any more.
+    pub fn send(&mut self, message: &impl Datagram) -> Result<(), Gone> {
         self.buffer.clear();
         message.encode(&mut self.buffer);
-        self.socket.send_to(&self.buffer, &self.peer).is_ok()
+        match self.socket.send(&self.buffer) {
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => Err(Gone),
+            _ => Ok(()),
+        }
     }
 
     /// The next message that has come, if any; what is none is passed over.
@@ -224,9 +239,8 @@ mod tests {
 
     #[test]
     fn messages_arrive_as_they_were_sent_and_noise_is_passed_over() {
-        let folder = tempfile::tempdir().unwrap();
-        let (a, b) = (folder.path().join("a"), folder.path().join("b"));
-        let mut robot = Socket::open(&a, &b).unwrap();
+        let (mut robot, other) = Line::pair().unwrap();
+        let mut controller = Line::new(other).unwrap();
         let measured = Measured {
             sequence: 7,
             time: u64::MAX,
@@ -236,12 +250,10 @@ mod tests {
             position: vec![1.0; MAX_JOINTS],
             velocity: vec![2.0; MAX_JOINTS],
         };
-        assert!(!robot.send(&measured), "nobody listens");
-        let mut controller = Socket::open(&b, &a).unwrap();
         assert_eq!(controller.receive::<Measured>(), None);
-        robot.socket.send_to(&[0xff; 90], &b).unwrap();
-        robot.socket.send_to(&[], &b).unwrap();
-        assert!(robot.send(&measured));
+        robot.socket.send(&[0xff; 90]).unwrap();
+        robot.socket.send(&[]).unwrap();
+        assert_eq!(robot.send(&measured), Ok(()));
         assert_eq!(controller.receive(), Some(measured));
         let commanded = Commanded {
             sequence: 7,
@@ -253,11 +265,11 @@ mod tests {
             velocity: [0.1, 0.0, 0.0],
             targets: vec![0.5; 18],
         };
-        assert!(controller.send(&commanded));
-        assert_eq!(robot.receive(), Some(commanded));
-        // A controller that starts again takes the place of the one that died.
-        let mut again = Socket::open(&b, &a).unwrap();
-        assert!(robot.send(&Measured::default()));
-        assert_eq!(again.receive(), Some(Measured::default()));
+        assert_eq!(controller.send(&commanded), Ok(()));
+        assert_eq!(robot.receive(), Some(commanded.clone()));
+        // What the other end does not take is lost; an end without another one is told.
+        assert!((0..10_000).all(|_| controller.send(&commanded) == Ok(())));
+        drop(robot);
+        assert_eq!(controller.send(&commanded), Err(Gone));
     }
 }

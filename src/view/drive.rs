@@ -125,6 +125,7 @@ impl Drive {
         let fault = status.fault.map(|fault| match fault {
             Fault::Stale { .. } => "readings are too old",
             Fault::NotFinite { .. } => "a reading is not a number",
+            Fault::Absurd { .. } => "a reading cannot be",
             Fault::Fallen => "fallen",
             Fault::OverRate => "too many steps",
         });

@@ -203,6 +203,13 @@ fn arguments_that_make_no_sense() {
         (&["rehearse", "tiny.toml"], "tiny.toml: not a policy file"),
         (&["export", "tiny.toml"], "required arguments were not provided"),
         (&["eval", "."], "holds no run"),
+        (&["export", ".", "--out", "p.omni"], "a policy.omni in the folder"),
+        (&["rehearse", "."], ". is a folder, not a policy file"),
+        (
+            &["bench", "controller"],
+            "without a policy the default robot is measured",
+        ),
+        (&["bench", "controller"], "`omniwalk bench controller walk.omni`"),
         (&["inspect", "none"], "cannot read none"),
         (&["inspect", "."], "is none of the files omniwalk knows"),
         (&["bench", "env", "--seconds", "0"], "0 is not in 1..=86400"),

@@ -36,6 +36,13 @@ fn a_run_becomes_a_policy_file_that_evaluation_and_benchmark_take() {
         let error = policy(folder, format).golden_error(&policy(folder, "p.omni"));
         assert!(error > 0.0 && error < 0.02, "{format}: {error}");
     }
+    for rounded in ["f16", "int8"] {
+        let output = omniwalk(folder, &["export", rounded, "--out", "again.omni", "--c", "again"]);
+        let part = format!("the weights in {rounded} are rounded to {rounded}; what that lost is not in the file");
+        assert_eq!(output.code, 2, "{rounded}");
+        assert!(output.message().contains(&part), "{}", output.err);
+        assert!(!folder.join("again.omni").exists() && !folder.join("again").exists());
+    }
     compiles(&folder.join("for_c"));
     assert!(
         succeeds(folder, &["inspect", "p.omni"])
@@ -92,6 +99,7 @@ fn compiles(folder: &Path) {
         "-pedantic",
         "-Wall",
         "-Werror",
+        "-DPOLICY_INSIDE",
         "-c",
         "policy.c",
         "golden.c",
@@ -135,6 +143,33 @@ fn evaluated(folder: &Path) {
     let output = omniwalk(folder, &["eval", "p.omni", "--robot", other.to_str().unwrap()]);
     assert_eq!(output.code, 2);
     assert!(output.message().contains("does not fit robot"), "{}", output.err);
+    // Each thing that differs is said once, not for each joint.
+    assert!(output.err.lines().count() <= 25, "{}", output.err);
+    let output = omniwalk(folder, &["rehearse", "p.omni"]);
+    assert_eq!(output.code, 2);
+    assert!(
+        output.message().contains("p.omni does not hold the body of its robot")
+            && output
+                .message()
+                .contains("give the robot it was trained for by --robot"),
+        "{}",
+        output.err
+    );
+    // In its run it finds the robot that is there.
+    fs::copy(folder.join("p.omni"), folder.join("run/found.omni")).unwrap();
+    let short = [
+        "--engine",
+        "lanes",
+        "--episodes",
+        "1",
+        "--seconds",
+        "1",
+        "--suite",
+        "forward",
+        "--set",
+        commands,
+    ];
+    succeeds(folder, &[&["eval", "run/found.omni"], &short[..]].concat());
 }
 
 #[test]

@@ -5,9 +5,11 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::support::{omniwalk, robot, succeeds, tiny};
+use mcap::records::op;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde_json::Value;
 
 /// A policy that has not learned anything and may hardly move: it stands.
@@ -83,8 +85,11 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
     assert!(number("/readings") > 20.0 && number("/commands") > 20.0, "{result}");
     assert_eq!(number("/restarts"), 0.0);
     assert!(result["fell_after_s"].is_null(), "{result}");
-    // A reading is at least as old as the physics step in which it is used.
-    assert!(number("/latency_ms/p50") > 0.0 && number("/latency_ms/max") >= number("/latency_ms/p99"));
+    // The median reading is used when it is as old as was drawn, to a physics step of 5 ms and the machine's own delays.
+    assert!(number("/latency_s") > 0.0 && number("/latency_s") < 0.05, "{result}");
+    let late = number("/latency_ms/p50") - 1e3 * number("/latency_s");
+    assert!((-5.0..15.0).contains(&late), "{result}");
+    assert!(number("/latency_ms/max") >= number("/latency_ms/p99"));
     assert!(number("/step_us/p50") > 0.0);
     let log = succeeds(folder, &["inspect", "log.mcap"]).out;
     for topic in ["/joint_states", "/joint_commands", "/imu", "/cmd_vel"] {
@@ -102,12 +107,13 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
     assert_eq!(result["restarts"], 0);
     recovered(&result);
 
-    // It dies: another takes over.
-    let result = rehearse(folder, "8", |_, controller| {
+    // It dies and is started again a second later: the servos hold, then another takes over.
+    let result = rehearse(folder, "9", |_, controller| {
         sleep(Duration::from_secs(3));
         signal(controller, "-KILL");
     });
     assert_eq!(result["restarts"], 1, "{result}");
+    assert!(result["longest_silence_s"].as_f64().unwrap() > 0.9, "{result}");
     recovered(&result);
 
     // The robot is gone for a second: the controller holds, then goes to the nominal pose.
@@ -118,6 +124,78 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
         signal(robot, "-CONT");
     });
     assert!(result["physics_skipped"].as_u64().unwrap() > 100, "{result}");
+    recovered(&result);
+}
+
+#[test]
+fn a_robot_that_is_killed_leaves_its_log_and_nothing_else_and_can_be_started_again() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    policy(folder);
+    let litter = tempfile::tempdir().unwrap();
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin("omniwalk"))
+        .current_dir(folder)
+        .env("TMPDIR", litter.path())
+        .args([
+            "rehearse",
+            "p.omni",
+            "--seconds",
+            "60",
+            "--command",
+            "0,0,0",
+            "--log",
+            "log.mcap",
+            "--robot",
+        ])
+        .arg(robot("nimbro_op2x"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(process.stdout.take().unwrap()).lines();
+    let line = lines.next().unwrap().unwrap();
+    let controller: u32 = line.strip_prefix("controller: process ").expect(&line).parse().unwrap();
+    // The log is made safe twice a second, once the robot lives.
+    let until = Instant::now() + Duration::from_secs(60);
+    let log = folder.join("log.mcap");
+    while fs::metadata(&log).map_or(0, |data| data.len()) < 50_000 && Instant::now() < until {
+        sleep(Duration::from_millis(50));
+    }
+    signal(process.id(), "-KILL");
+    process.wait().unwrap();
+    // What has ended and waits to be reaped has no command line.
+    let alive = |process: u32| fs::read(format!("/proc/{process}/cmdline")).is_ok_and(|line| !line.is_empty());
+    let until = Instant::now() + Duration::from_secs(10);
+    while alive(controller) && Instant::now() < until {
+        sleep(Duration::from_millis(50));
+    }
+    assert!(!alive(controller), "the controller ends with its robot");
+    assert_eq!(fs::read_dir(litter.path()).unwrap().count(), 0, "no litter");
+
+    let output = omniwalk(folder, &["inspect", "log.mcap"]);
+    assert!(
+        output.message().contains("`mcap recover` makes a whole log"),
+        "{}",
+        output.err
+    );
+    // What `mcap recover` does: every whole chunk is read.
+    let bytes = fs::read(&log).unwrap();
+    let options = LinearReaderOptions::default().with_skip_end_magic(true);
+    let mut reader = LinearReader::new_with_options(options);
+    let (mut at, mut messages) = (0, 0);
+    while let Some(Ok(event)) = reader.next_event() {
+        match event {
+            LinearReadEvent::ReadRequest(need) => {
+                let some = &bytes[at..(at + need).min(bytes.len())];
+                reader.insert(need)[..some.len()].copy_from_slice(some);
+                reader.notify_read(some.len());
+                at += some.len();
+            }
+            LinearReadEvent::Record { opcode, .. } => messages += u32::from(opcode == op::MESSAGE),
+        }
+    }
+    assert!(messages > 20, "{messages} messages are left");
+
+    let result = rehearse(folder, "6", |_, _| {});
     recovered(&result);
 }
 

@@ -176,11 +176,11 @@ fn suites_that_cannot_be_played_are_refused() {
         (&["--suite", "push", "--seconds", "0.01"], "`eval.seconds` must be"),
         (
             &["--suite", "changes", "--set", "clock.period=2.0"],
-            "`--set` does not fit the policy, clock is",
+            "`--set` does not fit the policy, the clock is",
         ),
         (
             &["--suite", "changes", "--set", "action.law=\"increment_on_target\""],
-            "`--set` does not fit the policy, action is",
+            "`--set` does not fit the policy, the action law",
         ),
     ] {
         let output = omniwalk(folder.path(), &[&["eval", "run"], arguments].concat());

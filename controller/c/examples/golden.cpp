@@ -1,6 +1,8 @@
 // Loads a policy file and reproduces its golden steps: golden POLICY.omni. Exit code 0 if it does.
 //
-//     c++ -std=c++17 golden.cpp -I. -L. -lomniwalk_c -o golden
+//     c++ -std=c++17 golden.cpp -I. -L. -lomniwalk_c -Wl,-rpath,. -o golden
+//
+// -rpath is where the library is looked for when the program runs; without it LD_LIBRARY_PATH says so.
 #include <cmath>
 #include <iostream>
 #include <memory>

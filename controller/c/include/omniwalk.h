@@ -35,6 +35,10 @@ typedef enum OwResult {
    * A mistake in the controller itself; do not use it any more.
    */
   OW_RESULT_INTERNAL = 5,
+  /**
+   * Readings that cannot be believed.
+   */
+  OW_RESULT_READINGS = 6,
 } OwResult;
 
 /**
@@ -83,7 +87,42 @@ typedef enum OwFault {
    * The step came sooner than the control rate allows: nothing was done.
    */
   OW_FAULT_OVER_RATE = 4,
+  /**
+   * A reading is one that no working sensor gives: a position beyond the joint's limits by more than a tenth of its range and
+   * 0.02 rad or m, an angle of the base beyond half a turn, or a rate beyond 1000 rad/s or m/s.
+   */
+  OW_FAULT_ABSURD = 5,
 } OwFault;
+
+/**
+ * Which reading a fault is about.
+ */
+typedef enum OwReading {
+  /**
+   * None alone.
+   */
+  OW_READING_NONE = 0,
+  /**
+   * Position of a joint.
+   */
+  OW_READING_POSITION = 1,
+  /**
+   * Velocity of a joint.
+   */
+  OW_READING_VELOCITY = 2,
+  /**
+   * Fused roll or pitch of the base.
+   */
+  OW_READING_ATTITUDE = 3,
+  /**
+   * An axis of the angular velocity of the base.
+   */
+  OW_READING_GYRO = 4,
+  /**
+   * An axis of the velocity of the base.
+   */
+  OW_READING_BASE_VELOCITY = 5,
+} OwReading;
 
 /**
  * What became of the desired velocity.
@@ -189,6 +228,14 @@ typedef struct OwStatus {
    */
   float stale_age;
   /**
+   * Which reading is not finite or absurd.
+   */
+  enum OwReading reading;
+  /**
+   * Index of its joint or axis, or -1.
+   */
+  int32_t reading_index;
+  /**
    * What became of the desired velocity.
    */
   enum OwCommand command;
@@ -225,7 +272,7 @@ const char *ow_message(void);
 
 /**
  * Loads a policy file of `size` bytes and sets `*controller`, to be given back by `ow_free`. The file is checked and
- * reproduces its golden vectors, or is refused.
+ * reproduces its golden vectors, or is refused and `*controller` is null.
  *
  * # Safety
  * `bytes` points to `size` bytes, `controller` to a place for a pointer.
@@ -333,6 +380,10 @@ enum OwResult ow_reset(struct OwController *controller,
 /**
  * Starts with a robot in whatever pose, its `count` joints at `position`: ramps to the nominal pose, rests, then walks.
  *
+ * `OW_RESULT_READINGS` if a position is not finite or well beyond its joint's limits; `ow_message` names the joint. Then do not
+ * send targets to servos that are on: nothing is known to ramp from, and steps hold what was told last, with the fault, until
+ * one of them has good readings, from which the takeover begins.
+ *
  * # Safety
  * `controller` is of `ow_load`, `position` points to `count` numbers.
  */
@@ -357,6 +408,17 @@ enum OwResult ow_step(struct OwController *controller,
                       float *targets,
                       size_t count,
                       struct OwStatus *status);
+
+/**
+ * Writes what is not as it should be in the status of the last `ow_step` into `buffer`, in words and with the names of joints,
+ * as `ow_joint_name` does; an empty text if all is. Allocates nothing unless a reading is beyond training.
+ *
+ * # Safety
+ * `controller` is of `ow_load`, `buffer` points to `size` bytes.
+ */
+enum OwResult ow_status_message(const struct OwController *controller,
+                                char *buffer,
+                                size_t size);
 
 /**
  * Number of golden steps: readings and targets by which a policy is checked where it runs; 0 for null.

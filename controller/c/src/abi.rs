@@ -5,18 +5,19 @@
 use std::ffi::c_char;
 use std::fs::File;
 use std::io::Read;
-use std::slice;
 
 use omniwalk_controller::file::MAX_LEN;
-use omniwalk_controller::{Controller, JointSpec, Policy, Sensors};
+use omniwalk_controller::{Controller, JointSpec, Policy, Sensors, Status};
 
-use crate::caller::{MESSAGE, Refused, argument, array, given, given_mut, guarded, put, text, texts};
+use crate::caller::{MESSAGE, Refused, argument, array, array_mut, given, given_mut, guarded, put, text, texts};
 use crate::types::{OwJoint, OwReadings, OwResult, OwStatus};
 
 /// A policy in its loop. One thread at a time.
 pub struct OwController {
     policy: Policy,
     controller: Controller,
+    /// Of the last step.
+    status: Option<Status>,
 }
 
 impl OwController {
@@ -33,7 +34,7 @@ pub extern "C" fn ow_message() -> *const c_char {
 }
 
 /// Loads a policy file of `size` bytes and sets `*controller`, to be given back by `ow_free`. The file is checked and
-/// reproduces its golden vectors, or is refused.
+/// reproduces its golden vectors, or is refused and `*controller` is null.
 ///
 /// # Safety
 /// `bytes` points to `size` bytes, `controller` to a place for a pointer.
@@ -41,7 +42,10 @@ pub extern "C" fn ow_message() -> *const c_char {
 pub unsafe extern "C" fn ow_load(bytes: *const u8, size: usize, controller: *mut *mut OwController) -> OwResult {
     guarded(|| {
         // SAFETY: as promised by the caller.
-        let (bytes, place) = unsafe { (array(bytes, size, "bytes")?, given_mut(controller, "controller")?) };
+        let place = unsafe { given_mut(controller, "controller")? };
+        *place = std::ptr::null_mut();
+        // SAFETY: likewise.
+        let bytes = unsafe { array(bytes, size, "bytes")? };
         *place = Box::into_raw(Box::new(load(bytes)?));
         Ok(())
     })
@@ -55,20 +59,34 @@ pub unsafe extern "C" fn ow_load(bytes: *const u8, size: usize, controller: *mut
 pub unsafe extern "C" fn ow_load_file(path: *const c_char, controller: *mut *mut OwController) -> OwResult {
     guarded(|| {
         // SAFETY: as promised by the caller.
-        let (path, place) = unsafe { (text(path, "path")?, given_mut(controller, "controller")?) };
-        let mut bytes = Vec::new();
-        File::open(path)
-            .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut bytes))
-            .map_err(|error| (OwResult::Io, format!("cannot read {path}: {error}")))?;
+        let place = unsafe { given_mut(controller, "controller")? };
+        *place = std::ptr::null_mut();
+        // SAFETY: likewise.
+        let path = unsafe { text(path, "path")? };
+        let bytes = read(path).map_err(|error| (OwResult::Io, format!("cannot read {path}: {error}")))?;
         *place = Box::into_raw(Box::new(load(&bytes)?));
         Ok(())
     })
 }
 
+/// What is in a file, as far as a policy can reach; opening a pipe would wait for somebody to write.
+fn read(path: &str) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(std::io::Error::other("it is not a file"));
+    }
+    File::open(path)?.take(MAX_LEN as u64 + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
 fn load(bytes: &[u8]) -> Result<OwController, Refused> {
     let policy = Policy::from_bytes(bytes).map_err(|error| (OwResult::Policy, error.to_string()))?;
     let controller = Controller::new(&policy).map_err(|error| (OwResult::Policy, error.to_string()))?;
-    Ok(OwController { policy, controller })
+    Ok(OwController {
+        policy,
+        controller,
+        status: None,
+    })
 }
 
 /// Gives a controller back; null is allowed.
@@ -209,11 +227,8 @@ pub unsafe extern "C" fn ow_joint_map(
         let (it, names) = unsafe { (given(controller, "controller")?, texts(names, count)?) };
         let found = it.policy.spec().joint_map(&names);
         let found = found.map_err(|misfit| (OwResult::Misfit, misfit.to_string()))?;
-        if map.is_null() {
-            return Err(argument("map is null"));
-        }
         // SAFETY: as promised by the caller.
-        unsafe { slice::from_raw_parts_mut(map, found.len()) }.copy_from_slice(&found);
+        unsafe { array_mut(map, found.len(), "map")? }.copy_from_slice(&found);
         Ok(())
     })
 }
@@ -236,6 +251,10 @@ pub unsafe extern "C" fn ow_reset(controller: *mut OwController, phase: f32) -> 
 
 /// Starts with a robot in whatever pose, its `count` joints at `position`: ramps to the nominal pose, rests, then walks.
 ///
+/// `OW_RESULT_READINGS` if a position is not finite or well beyond its joint's limits; `ow_message` names the joint. Then do not
+/// send targets to servos that are on: nothing is known to ramp from, and steps hold what was told last, with the fault, until
+/// one of them has good readings, from which the takeover begins.
+///
 /// # Safety
 /// `controller` is of `ow_load`, `position` points to `count` numbers.
 #[unsafe(no_mangle)]
@@ -252,8 +271,8 @@ pub unsafe extern "C" fn ow_take_over(controller: *mut OwController, position: *
         if count != joints {
             return Err((OwResult::Argument, format!("{count} positions instead of {joints}")));
         }
-        it.controller.take_over(position);
-        Ok(())
+        let taken = it.controller.take_over(position);
+        taken.map_err(|fault| (OwResult::Readings, fault.sentence(it.policy.spec())))
     })
 }
 
@@ -279,7 +298,7 @@ pub unsafe extern "C" fn ow_step(
         // SAFETY: as promised by the caller.
         let (it, readings) = unsafe { (given_mut(controller, "controller")?, given(readings, "readings")?) };
         let joints = it.policy.spec().action_len();
-        if count != joints || targets.is_null() {
+        if count != joints {
             return Err((OwResult::Argument, format!("{count} targets instead of {joints}")));
         }
         // SAFETY: as promised by the caller; the targets are nobody else's.
@@ -288,7 +307,7 @@ pub unsafe extern "C" fn ow_step(
                 array(desired, 3, "desired")?,
                 array(readings.position, joints, "position")?,
                 array(readings.velocity, joints, "velocity")?,
-                slice::from_raw_parts_mut(targets, joints),
+                array_mut(targets, joints, "targets")?,
             )
         };
         let sensors = Sensors {
@@ -300,11 +319,37 @@ pub unsafe extern "C" fn ow_step(
         };
         let desired = [desired[0], desired[1], desired[2]];
         let found = it.controller.step(now, readings.measured, &sensors, desired, targets);
+        it.status = Some(found);
         // SAFETY: as promised by the caller.
         if let Some(status) = unsafe { status.as_mut() } {
             *status = found.into();
         }
         Ok(())
+    })
+}
+
+/// Writes what is not as it should be in the status of the last `ow_step` into `buffer`, in words and with the names of joints,
+/// as `ow_joint_name` does; an empty text if all is. Allocates nothing unless a reading is beyond training.
+///
+/// # Safety
+/// `controller` is of `ow_load`, `buffer` points to `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn ow_status_message(
+    controller: *const OwController,
+    buffer: *mut c_char,
+    size: usize,
+) -> OwResult {
+    guarded(|| {
+        // SAFETY: as promised by the caller.
+        let it = unsafe { given(controller, "controller")? };
+        let spec = it.policy.spec();
+        // SAFETY: as promised by the caller.
+        unsafe {
+            match &it.status {
+                Some(status) => put(status.sentence(spec), buffer, size),
+                None => put("", buffer, size),
+            }
+        }
     })
 }
 
@@ -374,6 +419,7 @@ pub unsafe extern "C" fn ow_golden_step(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::types::{OwFault, OwMode, OwReading};
 
     #[test]
     fn null_pointers_and_noise_are_refused() {
@@ -385,9 +431,148 @@ mod tests {
             assert_eq!(ow_load(noise.as_ptr(), 100, std::ptr::null_mut()), OwResult::Argument);
             assert_eq!(ow_load(noise.as_ptr(), 100, &mut controller), OwResult::Policy);
             assert_eq!(ow_load_file(c"/nowhere".as_ptr(), &mut controller), OwResult::Io);
+            assert_eq!(ow_load_file(c"/".as_ptr(), &mut controller), OwResult::Io);
+            let message = std::ffi::CStr::from_ptr(ow_message()).to_str().expect("text");
+            assert_eq!(message, "cannot read /: it is not a file");
+            controller = std::ptr::dangling_mut();
+            assert_eq!(ow_load(noise.as_ptr(), 100, &mut controller), OwResult::Policy);
+            assert!(controller.is_null());
             assert!(controller.is_null());
             assert_eq!(ow_reset(controller, 0.0), OwResult::Argument);
             assert_eq!((ow_joints(controller), ow_golden_steps(controller)), (0, 0));
+            ow_free(controller);
+        }
+    }
+
+    #[test]
+    fn what_no_pointer_or_length_can_be_is_refused_by_name() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../runs/nimbro_op2x_omni/policy.omni");
+        let policy = std::fs::read(path).expect("the walk of the repository");
+        let mut controller = std::ptr::null_mut();
+        let mut numbers = [0.0f32; 256];
+        let readings = OwReadings {
+            measured: 0,
+            position: numbers.as_ptr().wrapping_byte_add(1),
+            velocity: numbers.as_ptr(),
+            attitude: [0.0; 2],
+            gyro: [0.0; 3],
+            base_velocity: [0.0; 3],
+            has_base_velocity: false,
+        };
+        let refused = |result, expected: &str| {
+            // SAFETY: nothing else was called since.
+            let message = unsafe { std::ffi::CStr::from_ptr(ow_message()) };
+            assert_eq!((result, message.to_str()), (OwResult::Argument, Ok(expected)));
+        };
+        // SAFETY: what cannot be is not followed, all else is valid.
+        unsafe {
+            let result = ow_load(policy.as_ptr(), usize::MAX, &mut controller);
+            refused(result, "bytes cannot have a length of 18446744073709551615");
+            assert_eq!(ow_load(policy.as_ptr(), policy.len(), &mut controller), OwResult::Ok);
+            let joints = ow_joints(controller);
+            let most = isize::MAX as usize;
+            let result = ow_take_over(controller, numbers.as_ptr(), most);
+            refused(result, "position cannot have a length of 9223372036854775807");
+            let result = ow_check_joints(controller, std::ptr::dangling(), most);
+            refused(result, "names cannot have a length of 9223372036854775807");
+            let desired = [0.0; 3].as_ptr();
+            let result = ow_step(
+                controller,
+                0,
+                &readings,
+                desired,
+                numbers.as_mut_ptr(),
+                joints,
+                std::ptr::null_mut(),
+            );
+            refused(result, "position is not aligned");
+            let readings = OwReadings {
+                position: readings.velocity,
+                ..readings
+            };
+            let result = ow_step(
+                controller,
+                0,
+                &readings,
+                desired,
+                std::ptr::null_mut(),
+                joints,
+                std::ptr::null_mut(),
+            );
+            refused(result, "targets is null");
+            let result = ow_step(
+                controller,
+                0,
+                &readings,
+                desired,
+                numbers.as_mut_ptr(),
+                joints + 1,
+                std::ptr::null_mut(),
+            );
+            refused(result, "17 targets instead of 16");
+            ow_free(controller);
+        }
+    }
+
+    #[test]
+    fn positions_that_cannot_be_are_refused_and_a_status_is_told_in_words() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../runs/nimbro_op2x_omni/policy.omni");
+        let policy = std::fs::read(path).expect("the walk of the repository");
+        let mut controller = std::ptr::null_mut();
+        let mut buffer = [1 as c_char; 200];
+        // SAFETY: all pointers are those of what is here.
+        unsafe {
+            assert_eq!(ow_load(policy.as_ptr(), policy.len(), &mut controller), OwResult::Ok);
+            let mut text = |controller| {
+                assert_eq!(
+                    ow_status_message(controller, buffer.as_mut_ptr(), buffer.len()),
+                    OwResult::Ok
+                );
+                std::ffi::CStr::from_ptr(buffer.as_ptr())
+                    .to_str()
+                    .expect("text")
+                    .to_owned()
+            };
+            assert_eq!(text(controller), "", "nothing was done yet");
+            let joints = ow_joints(controller);
+            let mut position = vec![0.0; joints];
+            position[3] = f32::NAN;
+            let name = &(*controller).policy.spec().joints[3].name;
+            let expected = format!("position[{name}] is not a finite number");
+            assert_eq!(ow_take_over(controller, position.as_ptr(), joints), OwResult::Readings);
+            let message = std::ffi::CStr::from_ptr(ow_message()).to_str().expect("text");
+            assert_eq!(message, expected);
+            let readings = OwReadings {
+                measured: 0,
+                position: position.as_ptr(),
+                velocity: [0.0; 256].as_ptr(),
+                attitude: [0.0; 2],
+                gyro: [0.0; 3],
+                base_velocity: [0.0; 3],
+                has_base_velocity: false,
+            };
+            let (mut targets, mut status) = (vec![0.0; joints], std::mem::MaybeUninit::<OwStatus>::uninit());
+            let desired = [0.0; 3];
+            let stepped = ow_step(
+                controller,
+                0,
+                &readings,
+                desired.as_ptr(),
+                targets.as_mut_ptr(),
+                joints,
+                status.as_mut_ptr(),
+            );
+            assert_eq!(stepped, OwResult::Ok);
+            let status = status.assume_init();
+            assert_eq!((status.mode, status.fault), (OwMode::Holding, OwFault::NotFinite));
+            assert_eq!((status.reading, status.reading_index), (OwReading::Position, 3));
+            assert_eq!(text(controller), expected);
+            assert_eq!(ow_status_message(controller, buffer.as_mut_ptr(), 9), OwResult::Ok);
+            assert_eq!(
+                std::ffi::CStr::from_ptr(buffer.as_ptr()),
+                c"position",
+                "cut off where it does not fit"
+            );
             ow_free(controller);
         }
     }

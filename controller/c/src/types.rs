@@ -1,6 +1,6 @@
 //! What is passed between C and the controller.
 
-use omniwalk_controller::{Command, Fault, Mode, Status};
+use omniwalk_controller::{Command, Fault, Mode, Reading, Status};
 
 /// What became of a call. `ow_message` says more of whatever is not OK.
 #[repr(C)]
@@ -18,6 +18,8 @@ pub enum OwResult {
     Misfit = 4,
     /// A mistake in the controller itself; do not use it any more.
     Internal = 5,
+    /// Readings that cannot be believed.
+    Readings = 6,
 }
 
 /// What the controller is doing.
@@ -48,6 +50,27 @@ pub enum OwFault {
     Fallen = 3,
     /// The step came sooner than the control rate allows: nothing was done.
     OverRate = 4,
+    /// A reading is one that no working sensor gives: a position beyond the joint's limits by more than a tenth of its range and
+    /// 0.02 rad or m, an angle of the base beyond half a turn, or a rate beyond 1000 rad/s or m/s.
+    Absurd = 5,
+}
+
+/// Which reading a fault is about.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OwReading {
+    /// None alone.
+    None = 0,
+    /// Position of a joint.
+    Position = 1,
+    /// Velocity of a joint.
+    Velocity = 2,
+    /// Fused roll or pitch of the base.
+    Attitude = 3,
+    /// An axis of the angular velocity of the base.
+    Gyro = 4,
+    /// An axis of the velocity of the base.
+    BaseVelocity = 5,
 }
 
 /// What became of the desired velocity.
@@ -92,6 +115,10 @@ pub struct OwStatus {
     pub fault: OwFault,
     /// Age of a stale reading, s; negative from the future.
     pub stale_age: f32,
+    /// Which reading is not finite or absurd.
+    pub reading: OwReading,
+    /// Index of its joint or axis, or -1.
+    pub reading_index: i32,
     /// What became of the desired velocity.
     pub command: OwCommand,
     /// Entry of the observation farthest beyond what training saw, or -1; `ow_entry_name` names it.
@@ -127,6 +154,10 @@ pub struct OwJoint {
 impl From<Status> for OwStatus {
     fn from(status: Status) -> Self {
         let beyond = status.out_of_range;
+        let reading = match status.fault {
+            Some(Fault::NotFinite { reading, index } | Fault::Absurd { reading, index, .. }) => Some((reading, index)),
+            _ => None,
+        };
         Self {
             mode: match status.mode {
                 Mode::Walking => OwMode::Walking,
@@ -140,11 +171,14 @@ impl From<Status> for OwStatus {
                 Some(Fault::NotFinite { .. }) => OwFault::NotFinite,
                 Some(Fault::Fallen) => OwFault::Fallen,
                 Some(Fault::OverRate) => OwFault::OverRate,
+                Some(Fault::Absurd { .. }) => OwFault::Absurd,
             },
             stale_age: match status.fault {
                 Some(Fault::Stale { age }) => age,
                 _ => 0.0,
             },
+            reading: reading.map_or(OwReading::None, |(reading, _)| reading.into()),
+            reading_index: reading.map_or(-1, |(_, index)| index as i32),
             command: match status.command {
                 Command::Taken => OwCommand::Taken,
                 Command::Clipped => OwCommand::Clipped,
@@ -155,6 +189,18 @@ impl From<Status> for OwStatus {
             out_of_range_excess: beyond.map_or(0.0, |beyond| beyond.excess),
             out_of_range_entries: beyond.map_or(0, |beyond| beyond.entries as u32),
             late: status.late,
+        }
+    }
+}
+
+impl From<Reading> for OwReading {
+    fn from(reading: Reading) -> Self {
+        match reading {
+            Reading::Position => Self::Position,
+            Reading::Velocity => Self::Velocity,
+            Reading::Attitude => Self::Attitude,
+            Reading::Gyro => Self::Gyro,
+            Reading::BaseVelocity => Self::BaseVelocity,
         }
     }
 }

@@ -61,10 +61,10 @@ fn both_examples_reproduce_the_golden_steps() {
         "c++",
         &["-std=c++17"],
         "golden.cpp",
-        &[&search, "-lomniwalk_c"],
+        &[&search, "-lomniwalk_c", &format!("-Wl,-rpath,{}", found.display())],
         &program,
     );
-    let text = run(Command::new(&program).arg(&file).env("LD_LIBRARY_PATH", &found));
+    let text = run(Command::new(&program).arg(&file).env_remove("LD_LIBRARY_PATH"));
     assert!(
         text.contains("refused: joint `left` expected at index 0, robot has it at 1"),
         "{text}"
@@ -75,11 +75,39 @@ fn both_examples_reproduce_the_golden_steps() {
     let mut bytes = support::policy(512).to_bytes();
     bytes[1000] ^= 1;
     fs::write(&file, bytes).expect("writes");
-    let output = Command::new(&program)
-        .arg(&file)
-        .env("LD_LIBRARY_PATH", &found)
-        .output()
-        .expect("starts");
+    let output = Command::new(&program).arg(&file).output().expect("starts");
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("damaged"));
+}
+
+#[test]
+fn a_policy_inside_the_program_needs_no_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bytes: String = support::policy(64)
+        .to_bytes()
+        .iter()
+        .map(|byte| format!("{byte},"))
+        .collect();
+    let header = "#include <stddef.h>\nextern const unsigned char omniwalk_policy[];\nextern const size_t omniwalk_policy_size;\n";
+    let source = format!(
+        "#include \"policy.h\"\nconst unsigned char omniwalk_policy[] = {{{bytes}}};\n\
+         const size_t omniwalk_policy_size = sizeof omniwalk_policy;\n"
+    );
+    let place = |name: &str| folder.path().join(name);
+    fs::write(place("policy.h"), header).expect("writes");
+    fs::write(place("policy.c"), source).expect("writes");
+    let (array, here) = (place("policy.c"), format!("-I{}", folder.path().display()));
+    let fixed = libraries().join("libomniwalk_c.a");
+    let program = place("golden");
+    build(
+        "cc",
+        &["-std=c99", "-pedantic", "-DPOLICY_INSIDE", &here],
+        "golden.c",
+        &[array.to_str().expect("text"), fixed.to_str().expect("text")],
+        &program,
+    );
+    assert_eq!(
+        run(&mut Command::new(&program)),
+        "reproduced 60 golden steps of 2 joints\n"
+    );
 }

@@ -1,4 +1,4 @@
-use alloc::{vec, vec::Vec};
+use alloc::{string::ToString, vec, vec::Vec};
 
 use proptest::prelude::*;
 
@@ -154,7 +154,7 @@ fn what_is_no_number_is_named_and_holds_the_targets() {
     assert_eq!(
         fault,
         Some(Fault::NotFinite {
-            reading: "position",
+            reading: Reading::Position,
             index: 3
         })
     );
@@ -164,7 +164,7 @@ fn what_is_no_number_is_named_and_holds_the_targets() {
     assert_eq!(
         fault,
         Some(Fault::NotFinite {
-            reading: "attitude",
+            reading: Reading::Attitude,
             index: 1
         })
     );
@@ -230,18 +230,115 @@ fn after_a_pause_the_robot_goes_to_the_nominal_pose_before_it_walks() {
 fn a_robot_that_is_taken_over_is_not_jerked() {
     let mut robot = Robot::new();
     robot.position.iter_mut().for_each(|q| *q += 0.3);
-    robot.position[2] = f32::NAN;
-    robot.controller.take_over(&robot.position);
-    robot.position[2] = 0.0;
+    assert_eq!(robot.controller.take_over(&robot.position), Ok(()));
     let status = robot.good();
     assert_eq!(status.mode, Mode::Ramping);
-    let nominal = robot.nominal();
-    for (i, (target, nominal)) in robot.targets.iter().zip(&nominal).enumerate() {
-        let expected = if i == 2 { 0.0 } else { 0.3 };
-        assert!((target - nominal - expected).abs() < 0.02, "{i}: {target} {nominal}");
+    for (target, nominal) in robot.targets.iter().zip(&robot.nominal()) {
+        assert!((target - nominal - 0.3).abs() < 0.02, "{target} {nominal}");
     }
     let modes: Vec<Mode> = (0..200).map(|_| robot.good().mode).collect();
     assert!(modes.contains(&Mode::Resting) && modes.last() == Some(&Mode::Walking));
+}
+
+/// What no robot can be in: nothing is known to ramp from.
+#[test]
+fn positions_that_cannot_be_are_refused_and_the_first_good_ones_are_taken_over() {
+    let spec = biped();
+    let knee = &spec.joints[3];
+    let far = knee.upper + 0.1 * (knee.upper - knee.lower) + 0.021;
+    for value in [f32::NAN, f32::NEG_INFINITY, 1e9, far] {
+        for walked in [0, 20] {
+            let mut robot = Robot::new();
+            robot.position.iter_mut().for_each(|q| *q += 0.05);
+            robot.walk(walked);
+            let before = robot.targets.clone();
+            let good = robot.position.clone();
+            robot.position[3] = value;
+            let refused = robot.controller.take_over(&robot.position).expect_err("not believed");
+            let text = refused.sentence(robot.controller.spec());
+            assert!(text.starts_with("position[left_knee] is "), "{text}");
+            for _ in 0..40 {
+                let status = robot.good();
+                assert_eq!((status.mode, status.fault.is_some()), (Mode::Holding, true), "{value}");
+                assert_eq!(robot.targets, before, "what was told last");
+            }
+            // A pause does not make it known either.
+            assert_eq!(robot.step(2_000_000_000, 0, [0.0; 3]).mode, Mode::Holding);
+            robot.position.clone_from(&good);
+            assert_eq!(
+                robot.step(PERIOD, 10_000_000_000, [0.0; 3]).mode,
+                Mode::Holding,
+                "nor do old readings"
+            );
+            let status = robot.good();
+            assert_eq!((status.mode, status.fault), (Mode::Ramping, None));
+            assert_eq!(robot.targets, good, "the ramp begins where the joints are");
+            assert!((0..400).any(|_| robot.good().mode == Mode::Walking));
+        }
+    }
+}
+
+#[test]
+fn all_positions_lost_are_refused_as_well_and_a_reset_forgets_it() {
+    let mut robot = Robot::new();
+    robot.controller.take_over(&[f32::NAN; 10]).expect_err("not believed");
+    assert_eq!(robot.good().mode, Mode::Ramping);
+    robot.controller.take_over(&[f32::NAN; 10]).expect_err("not believed");
+    robot.controller.reset(0.0);
+    assert!(robot.good().is_ok());
+}
+
+/// At a limit, pressed into a stop or with an encoder that is off a joint is still where it says.
+#[test]
+fn readings_that_no_sensor_gives_hold_the_targets_and_those_near_the_limits_do_not() {
+    let joint = biped().joints[3].clone();
+    let mut robot = Robot::new();
+    robot.walk(5);
+    robot.position[3] = joint.upper + 0.1 * (joint.upper - joint.lower) + 0.019;
+    assert_eq!(robot.good().fault, None);
+    let before = robot.targets.clone();
+    robot.position[3] = 1e9;
+    let status = robot.good();
+    assert_eq!(
+        (status.mode, robot.targets == before),
+        (Mode::Holding, true),
+        "{status:?}"
+    );
+    let sentence = status.sentence(robot.controller.spec()).to_string();
+    assert!(
+        sentence.starts_with("position[left_knee] is 1000000000, which cannot be: its limits are"),
+        "{sentence}"
+    );
+    robot.position[3] = joint.nominal;
+    assert_eq!(robot.good().mode, Mode::Walking);
+    robot.attitude = [4.0, 0.0];
+    let fault = robot.good().fault;
+    assert!(
+        matches!(
+            fault,
+            Some(Fault::Absurd {
+                reading: Reading::Attitude,
+                index: 0,
+                ..
+            })
+        ),
+        "an angle beyond half a turn is no fall: {fault:?}"
+    );
+    robot.attitude = [0.0; 2];
+    assert!(robot.good().is_ok());
+}
+
+#[test]
+fn a_status_that_is_ok_needs_no_words_and_others_say_all_that_is_wrong() {
+    let mut robot = Robot::new();
+    let said = |status: Status, robot: &Robot| status.sentence(robot.controller.spec()).to_string();
+    let status = robot.good();
+    assert_eq!(said(status, &robot), "");
+    let status = robot.step(2 * PERIOD, 200_000_000, [9.0, 0.0, 0.0]);
+    assert_eq!(
+        said(status, &robot),
+        "the newest reading is 0.200 s old; the desired velocity is clipped to what was trained; the step came 0.025 s late"
+    );
 }
 
 #[test]

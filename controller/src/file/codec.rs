@@ -189,10 +189,16 @@ macro_rules! fields {
 /// Enumerations without fields: a text.
 macro_rules! names {
     ($type:ident { $($name:literal => $variant:ident),* }) => {
+        impl $type {
+            /// Its name in files and configurations.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name),* }
+            }
+        }
+
         impl Codec for $type {
             fn write(&self, out: &mut Vec<u8>) {
-                let name: &str = match self { $(Self::$variant => $name),* };
-                String::from(name).write(out);
+                String::from(self.name()).write(out);
             }
 
             fn read(from: &mut Reader) -> Result<Self, FileError> {

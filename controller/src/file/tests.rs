@@ -132,6 +132,18 @@ fn a_network_that_was_exchanged_fails_its_golden_vectors() {
 }
 
 #[test]
+fn a_quantity_that_no_machine_has_is_refused_though_the_checksums_are_right() {
+    let mut exchanged = policy();
+    exchanged.spec.joints[3].kd = 1e30;
+    let error = Policy::from_bytes(&exchanged.to_bytes()).expect_err("no machine's");
+    let text = alloc::format!("{error}");
+    assert!(
+        text.contains("joint `left_knee`: kd is 1") && text.ends_with("but must be 0 to 1e9"),
+        "{text}"
+    );
+}
+
+#[test]
 fn a_loop_that_was_exchanged_fails_its_golden_vectors() {
     let changes: [fn(&mut Policy); 6] = [
         |policy| {

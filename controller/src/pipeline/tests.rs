@@ -231,7 +231,7 @@ fn a_reset_loop_is_a_new_one() {
 
 #[test]
 fn specs_that_cannot_work_are_refused() {
-    let wrong: [fn(&mut Spec); 14] = [
+    let wrong: [fn(&mut Spec); 22] = [
         |spec| spec.control_hz = 0.0,
         |spec| spec.control_hz = f32::NAN,
         |spec| spec.joints.clear(),
@@ -246,6 +246,14 @@ fn specs_that_cannot_work_are_refused() {
         |spec| spec.command.upper[2] = -0.7,
         |spec| spec.legs[1].segments[4].joint = Some(10),
         |spec| spec.legs[0].segments[4].axis = [0.0; 3],
+        |spec| spec.control_hz = 1e30,
+        |spec| spec.joints[0].lower = -1e30,
+        |spec| spec.joints[0].kp = 1e30,
+        |spec| spec.joints[0].torque_limit = 1e30,
+        |spec| spec.joints[0].action_scale = 1e30,
+        |spec| spec.command.upper[0] = 1e30,
+        |spec| spec.legs[0].segments[0].translation[1] = f32::NAN,
+        |spec| spec.legs[0].corners[0][2] = 1e30,
     ];
     for (i, change) in wrong.iter().enumerate() {
         let mut spec = biped();

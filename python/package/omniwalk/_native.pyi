@@ -62,11 +62,11 @@ class Status:
     def mode(self) -> Literal["walking", "holding", "ramping", "resting"]:
         """What the targets are."""
     @property
-    def fault(self) -> Literal["stale", "not_finite", "fallen", "over_rate"] | None:
+    def fault(self) -> Literal["stale", "not_finite", "absurd", "fallen", "over_rate"] | None:
         """What kept the policy from this step."""
     @property
     def message(self) -> str:
-        """The fault in a sentence; empty without one."""
+        """What is not as it should be, in words; empty if all is."""
     @property
     def out_of_range(self) -> OutOfRange | None:
         """An observation that training did not see."""
@@ -125,7 +125,8 @@ class Controller:
         """Name of the instruction set the network runs with."""
     @property
     def observation(self) -> NDArray[np.float32]:
-        """The observation of the last step of the policy, before bounds."""
+        """The observation of the last step of the policy, before bounds, as the policy sees it: mirrored in the second half of a
+        symmetric policy's cycle."""
     @property
     def action(self) -> NDArray[np.float32]:
         """The action of the last step of the policy, in [0, 1]; not a number while the targets were held."""
@@ -143,7 +144,11 @@ class Controller:
         """Starts an episode with the clock at `phase`, in cycles, or where the policy begins; a fall is forgotten. The
         robot should stand in the nominal pose."""
     def take_over(self, position: ArrayLike | Mapping[str, float]) -> None:
-        """Starts with a robot in whatever pose: ramps to the nominal pose, rests, then walks."""
+        """Starts with a robot in whatever pose: ramps to the nominal pose, rests, then walks.
+
+        Raises Error if a position is not finite or well beyond its joint's limits. Then send no targets to servos that are
+        on: steps hold what was told last, with the fault, until one of them has good readings, from which the takeover
+        begins."""
     @overload
     def step(
         self,

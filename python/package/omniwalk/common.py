@@ -19,14 +19,14 @@ Changes = Mapping[str, Any] | None
 
 def batch(config: Config, changes: Changes, environments: int | None, threads: int | None) -> Batch:
     """Environments as arrays."""
-    words = [f"{key}={_toml(value)}" for key, value in (changes or {}).items()]
+    words = [f"{key}={toml(value)}" for key, value in (changes or {}).items()]
     return Batch(config, words, environments, threads)
 
 
-def _toml(value: Any) -> str:
+def toml(value: Any) -> str:
     """A value as TOML writes it."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + "}"
+        return "{" + ", ".join(f"{key} = {toml(entry)}" for key, entry in value.items()) + "}"
     if isinstance(value, PathLike):
         value = value.__fspath__()
     return json.dumps(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
@@ -58,7 +58,9 @@ def episodes(given: Batch) -> dict[int, dict]:
 
 
 def summary(record: dict) -> dict[str, Any]:
-    """What a user wants to know of a finished episode."""
+    """What a user wants to know of a finished episode. The velocity errors (m/s, rad/s) are those of averages over a second while the
+    command was held; not a number where it never was for so long."""
+    tracking = record["tracking"] or {}
     return {
         "end": END[record["end"]],
         "steps": record["steps"],
@@ -66,6 +68,8 @@ def summary(record: dict) -> dict[str, Any]:
         "terms": record["terms"],
         "desired_velocity": np.array(record["desired"]),
         "drift": record["drift"],
+        "error_xy_mps": tracking.get("error_xy_mps", np.nan),
+        "error_yaw_radps": tracking.get("error_yaw_radps", np.nan),
         "touchdowns_per_second": np.array(record["touchdowns_per_second"]),
     }
 

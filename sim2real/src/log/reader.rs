@@ -5,9 +5,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use mcap::parse_record;
 use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{McapError, parse_record};
 
 use super::cdr::{self, Field};
 use super::messages::{Bool, JointState};
@@ -15,6 +15,9 @@ use super::{LogError, Message};
 
 /// Largest record (a chunk of messages is one) that is read, bytes.
 const MAX_RECORD_BYTES: usize = 64 << 20;
+
+/// Why a log without its end is not read: whoever wants what it holds shall know that it is not all.
+const CUT_OFF: &str = "it ends early, as when its writer was killed; `mcap recover` makes a whole log of what is there";
 
 /// A message and where it was.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,6 +110,7 @@ impl LogReader {
                     continue;
                 }
                 Ok(LinearReadEvent::Record { opcode, data }) => self.tables.take(opcode, data),
+                Err(McapError::UnexpectedEof) => Err(Fault::Damaged(CUT_OFF.to_owned())),
                 Err(error) => Err(Fault::Damaged(error.to_string())),
             };
             let path = || self.path.clone();

@@ -35,7 +35,9 @@ impl LogWriter {
         let options = WriteOptions::new()
             .profile("ros2")
             .library(concat!("omniwalk ", env!("CARGO_PKG_VERSION")))
-            .compression(None);
+            .compression(None)
+            // Chunks are gathered in memory and written whole, so that a killed process leaves no half of one.
+            .disable_seeking(true);
         let writer = options.create(file).map_err(|error| io(into_io(error)))?;
         Ok(Self {
             writer,
@@ -62,6 +64,15 @@ impl LogWriter {
             metadata,
         };
         self.writer.write_metadata(&record).map_err(|error| self.error(error))
+    }
+
+    /// Hands all messages so far to the system as a whole chunk: should the process be killed, they are in the file, which lacks
+    /// its end then and is made whole by `mcap recover`.
+    ///
+    /// # Errors
+    /// [`LogError::Io`].
+    pub fn flush(&mut self) -> Result<(), LogError> {
+        self.writer.flush().map_err(|error| self.error(error))
     }
 
     /// Completes the file; a log that is dropped without it may be cut off.

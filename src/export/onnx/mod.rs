@@ -1,20 +1,22 @@
-//! A policy as an ONNX model.
+//! A policy as an ONNX model: from a step's observation to the joint targets. What the loop remembers between two steps goes
+//! in and comes out.
 //!
 //! ```text
-//! observation [n, entries] -> bounds -> normaliser -> network -> mode -> action [n, joints] in [0, 1]
-//!                                                                  \--> displacement [n, joints] = scale (2 action - 1)
+//! observation, clock_phase -> mirror -> bounds -> normaliser -> network -> mode -> action
+//! action, filter_state, measured_position, previous_target -> mirror -> filter -> law -> clamp, limits -> target
 //! ```
 //!
-//! Displacements are in rad or m, before the action filter. What has a memory stays with the controller: the symmetric
-//! policy's mirror, the filter, and what the displacement is added to. The metadata say which they are.
+//! docs/policy-file.md says what each input and output is, and what is left to who uses it: the observation itself.
 
+mod decode;
+mod network;
 mod proto;
 
-use omniwalk_controller::{Activation, Actor, Head, Policy};
+use omniwalk_controller::{ActionLaw, Policy, Spec};
 use prost::Message;
 use serde_json::json;
 
-use proto::{Attribute, Entry, Graph, Model, Node, Opset, Tensor, Value};
+use proto::{Entry, Graph, Model, Node, Opset, Tensor, Value};
 
 /// Version of the standard's operators; of 2021, so that every runtime has them.
 const OPSET: i64 = 15;
@@ -26,21 +28,27 @@ pub const START: &[u8] = b"\x08\x08\x12\x08omniwalk";
 
 /// The model of `policy` as the bytes of a `.onnx` file.
 pub fn model(policy: &Policy) -> Vec<u8> {
-    let (inputs, joints) = (policy.spec().observation_len(), policy.spec().action_len());
+    let spec = policy.spec();
     let mut build = Builder::default();
-    build.policy(policy);
+    build.constants();
+    build.mirrored_observation(spec);
+    build.network(policy);
+    build.targets(spec);
+    let (input, output) = ends(spec);
     let graph = Graph {
         node: build.nodes,
         name: "policy".into(),
         initializer: build.tensors,
-        input: vec![Value::batch("observation", inputs)],
-        output: vec![Value::batch("action", joints), Value::batch("displacement", joints)],
+        input,
+        output,
     };
     let model = Model {
         ir_version: FORMAT,
         producer_name: "omniwalk".into(),
         producer_version: env!("CARGO_PKG_VERSION").into(),
-        doc_string: "Displacements are scale (2 action - 1), rad or m, before filter and law; see the metadata.".into(),
+        doc_string: "One step: `target` are the joint targets, rad or m; they are the `previous_target` of the next step, and every \
+                     `next_x` is its `x`. After a reset: the nominal pose, zeros, and the phase to begin with."
+            .into(),
         graph: Some(graph),
         opset_import: vec![Opset {
             domain: String::new(),
@@ -49,6 +57,36 @@ pub fn model(policy: &Policy) -> Vec<u8> {
         metadata_props: metadata(policy),
     };
     model.encode_to_vec()
+}
+
+/// Inputs and outputs: those that the policy has a use for.
+fn ends(spec: &Spec) -> (Vec<Value>, Vec<Value>) {
+    let joints = spec.action_len();
+    let mut input = vec![
+        Value::batch("observation", spec.observation_len()),
+        Value::batch("previous_target", joints),
+    ];
+    let mut output = vec![Value::batch("target", joints), Value::batch("action", joints)];
+    if needs_measured(spec) {
+        input.push(Value::batch("measured_position", joints));
+    }
+    let mut state = |name: &str, len: usize| {
+        input.push(Value::batch(name, len));
+        output.push(Value::batch(&format!("next_{name}"), len));
+    };
+    if spec.action.filter.is_some() {
+        state("filter_state", 2 * joints);
+        state("filter_started", 1);
+    }
+    if spec.clock.is_some() {
+        state("clock_phase", 1);
+    }
+    (input, output)
+}
+
+/// Whether targets depend on where the joints are.
+fn needs_measured(spec: &Spec) -> bool {
+    spec.action.torque_clamp || spec.action.law == ActionLaw::IncrementOnMeasured
 }
 
 /// What the policy file says beside the network.
@@ -108,88 +146,20 @@ impl Builder {
         self.tensors.push(Tensor::new(name, shape, values));
     }
 
-    fn policy(&mut self, policy: &Policy) {
-        let (actor, bounds) = (policy.actor(), policy.bounds());
-        let inputs = actor.observation_len();
-        self.constant("lower", &[inputs], &bounds.lower);
-        self.constant("upper", &[inputs], &bounds.upper);
-        self.node("Max", &["observation", "lower"], "above");
-        self.node("Min", &["above", "upper"], "bounded");
-        self.normaliser(actor);
-        let outputs = self.layers(actor);
-        self.head(actor.head, &outputs);
-        let scale: Vec<f32> = policy.spec().joints.iter().map(|joint| joint.action_scale).collect();
-        let doubled: Vec<f32> = scale.iter().map(|scale| 2.0 * scale).collect();
-        self.constant("scale", &[scale.len()], &scale);
-        self.constant("doubled_scale", &[scale.len()], &doubled);
-        self.node("Clip", &["action", "zero", "one"], "share");
-        self.node("Mul", &["share", "doubled_scale"], "range");
-        self.node("Sub", &["range", "scale"], "displacement");
+    fn scalar(&mut self, name: &str, value: f32) {
+        self.constant(name, &[], &[value]);
     }
 
-    fn normaliser(&mut self, actor: &Actor) {
-        let n = actor.observation_len();
-        let inverse: Vec<f32> = actor.deviation.iter().map(|x| 1.0 / x).collect();
-        self.constant("mean", &[n], &actor.mean);
-        self.constant("inverse_deviation", &[n], &inverse);
+    /// Numbers that more than one part needs.
+    fn constants(&mut self) {
         for (name, value) in [
-            ("clip_lower", -actor.clip),
-            ("clip_upper", actor.clip),
             ("zero", 0.0),
+            ("half", 0.5),
             ("one", 1.0),
+            ("two", 2.0),
+            ("minus_one", -1.0),
         ] {
-            self.constant(name, &[], &[value]);
-        }
-        self.node("Sub", &["bounded", "mean"], "centred");
-        self.node("Mul", &["centred", "inverse_deviation"], "scaled");
-        self.node("Clip", &["scaled", "clip_lower", "clip_upper"], "normalised");
-    }
-
-    /// Returns the name of the last layer's output.
-    fn layers(&mut self, actor: &Actor) -> String {
-        let last = actor.layers.len() - 1;
-        let mut input = "normalised".to_owned();
-        for (i, layer) in actor.layers.iter().enumerate() {
-            let [weight, bias, sum] = ["weight", "bias", "sum"].map(|part| format!("layer_{i}_{part}"));
-            let outputs = layer.bias.len();
-            self.constant(&weight, &[outputs, layer.inputs], &layer.weights.expand(layer.inputs));
-            self.constant(&bias, &[outputs], &layer.bias);
-            let gemm = self.node("Gemm", &[&input, &weight, &bias], &sum);
-            gemm.attribute.push(Attribute::int("transB", 1));
-            input = sum;
-            if i < last {
-                let operation = match actor.activation {
-                    Activation::Tanh => "Tanh",
-                    Activation::Elu => "Elu",
-                    Activation::Relu => "Relu",
-                };
-                let output = format!("layer_{i}");
-                self.node(operation, &[&input], &output);
-                input = output;
-            }
-        }
-        input
-    }
-
-    fn head(&mut self, head: Head, outputs: &str) {
-        let split = self.node("Split", &[outputs], "first");
-        split.output.push("second".into());
-        split.attribute.push(Attribute::int("axis", 1));
-        self.constant("half", &[], &[0.5]);
-        match head {
-            Head::Beta => {
-                self.node("Softplus", &["first"], "alpha");
-                self.node("Softplus", &["second"], "beta");
-                self.node("Add", &["alpha", "beta"], "sum");
-                self.node("Equal", &["sum", "zero"], "flat");
-                self.node("Where", &["flat", "one", "sum"], "divisor");
-                self.node("Div", &["alpha", "divisor"], "mode");
-                self.node("Where", &["flat", "half", "mode"], "action");
-            }
-            Head::Gaussian => {
-                self.node("Mul", &["first", "half"], "halved");
-                self.node("Add", &["halved", "half"], "action");
-            }
+            self.scalar(name, value);
         }
     }
 }

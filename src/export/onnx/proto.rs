@@ -1,4 +1,4 @@
-//! The few messages of ONNX that a network of dense layers needs, with the numbers of `onnx.proto3`.
+//! The few messages of ONNX that a policy needs, with the numbers of `onnx.proto3`.
 
 use prost::Message;
 
@@ -124,6 +124,8 @@ pub struct Dimension {
 
 /// `TensorProto.DataType.FLOAT`
 const FLOAT: i32 = 1;
+/// `TensorProto.DataType.INT64`
+const INT64: i32 = 7;
 /// `AttributeProto.AttributeType.INT`
 const INT: i32 = 2;
 
@@ -143,6 +145,16 @@ impl Tensor {
         Self {
             dims: shape.iter().map(|&n| n as i64).collect(),
             data_type: FLOAT,
+            name: name.to_owned(),
+            raw_data: values.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        }
+    }
+
+    /// Whole numbers in a row.
+    pub fn indices(name: &str, values: &[i64]) -> Self {
+        Self {
+            dims: vec![values.len() as i64],
+            data_type: INT64,
             name: name.to_owned(),
             raw_data: values.iter().flat_map(|x| x.to_le_bytes()).collect(),
         }
