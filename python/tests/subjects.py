@@ -27,9 +27,10 @@ PUBLISHED = ["igus_op/igus_op.urdf", "booster_t1/T1_locomotion.urdf", "unitree_g
 
 
 @cache
-def dump(robot: str, engine: str, dt: float) -> SimpleNamespace:
-    """The output of the example `dynamics_dump` for a robot of the project: link properties and random states."""
-    arguments = [robot, engine, "1", str(STATES), str(dt)]
+def dump(robot: str, engine: str, dt: float, *ground: str) -> SimpleNamespace:
+    """The output of the example `dynamics_dump` for a robot of the project: link properties and random states, in free
+    flight or on the `ground`."""
+    arguments = [robot, engine, "1", str(STATES), str(dt), *ground]
     result = subprocess.run(program("dynamics_dump") + arguments, cwd=ROOT, capture_output=True, text=True)
     if "no instructions" in result.stderr:
         pytest.skip(result.stderr.strip())

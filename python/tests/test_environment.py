@@ -15,6 +15,7 @@ from conftest import ROOT
 
 ROBOT = {"robot.path": ROOT / "robots/nimbro_op2x"}
 WALK = ROOT / "runs/nimbro_op2x_omni"
+TORCH = "`./test --torch` has Stable-Baselines3"
 SMALL = {**ROBOT, "task.episode_seconds": 1.0}
 """Episodes of a second, so that some end."""
 
@@ -42,12 +43,12 @@ def test_the_environment_passes_gymnasiums_checks(make):
 
 
 def test_the_environment_passes_the_checks_of_stable_baselines():
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason=TORCH)
     checker.check_env(omniwalk.Env(changes=SMALL))
 
 
 def test_stable_baselines_trains_on_many_robots():
-    ppo = pytest.importorskip("stable_baselines3").PPO
+    ppo = pytest.importorskip("stable_baselines3", reason=TORCH).PPO
     from stable_baselines3.common.vec_env import VecMonitor
 
     envs = omniwalk.VecEnv(8, changes=SMALL)
