@@ -12,11 +12,10 @@
 
 use alloc::{vec, vec::Vec};
 
-use libm::{expf, log1pf};
 use thiserror::Error;
 
 use crate::{
-    kernel::{Level, Panels},
+    kernel::{Finish, Level, Panels},
     math::is_finite,
     weights::{Precision, Weights},
 };
@@ -227,7 +226,11 @@ impl Inference {
                 layer.inputs,
                 &layer.weights.expand(layer.inputs),
                 &layer.bias,
-                (i < last).then_some(actor.activation),
+                match actor.head {
+                    _ if i < last => Finish::Activate(actor.activation),
+                    Head::Beta => Finish::Softplus,
+                    Head::Gaussian => Finish::Linear,
+                },
             )
         };
         let layers: Vec<Panels> = actor.layers.iter().enumerate().map(layer).collect();
@@ -274,7 +277,7 @@ impl Inference {
         assert_eq!(action.len(), first.len(), "one action for each joint");
         for (action, (&first, &second)) in action.iter_mut().zip(first.iter().zip(second)) {
             *action = match self.head {
-                Head::Beta => beta_mode(softplus(first), softplus(second)),
+                Head::Beta => beta_mode(first, second),
                 Head::Gaussian => 0.5 + 0.5 * first,
             };
         }
@@ -288,36 +291,39 @@ fn beta_mode(a: f32, b: f32) -> f32 {
     if sum == 0.0 { 0.5 } else { 0.5 * a / sum }
 }
 
-/// `ln(1 + exp(x))` without overflow.
-fn softplus(x: f32) -> f32 {
-    if x > 20.0 { x } else { log1pf(expf(x)) }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::kernel::softplus;
     use crate::testing::actor;
 
     #[test]
     fn the_mode_of_a_beta_distribution_is_where_its_density_peaks() {
         for (first, second) in [(0.3f32, -0.2f32), (4.0, 1.0), (-3.0, 2.0), (30.0, 25.0)] {
-            let (a, b) = (f64::from(softplus(first)), f64::from(softplus(second)));
+            let (a, b) = (
+                f64::from(softplus::<false>(first)),
+                f64::from(softplus::<false>(second)),
+            );
             // Logarithm of the density up to a constant, at 10,000 places.
             let density = |x: f64| a * x.ln() + b * (1.0 - x).ln();
             let peak = (1..10_000)
                 .map(|i| f64::from(i) * 1e-4)
                 .max_by(|x, y| density(*x).total_cmp(&density(*y)));
-            let mode = f64::from(beta_mode(softplus(first), softplus(second)));
+            let mode = f64::from(beta_mode(softplus::<false>(first), softplus::<false>(second)));
             assert!(
                 (mode - peak.expect("not empty")).abs() < 1e-4,
                 "{first} {second} {mode}"
             );
         }
-        assert_eq!(beta_mode(softplus(-200.0), softplus(-200.0)), 0.5, "flat");
-        assert_eq!(beta_mode(softplus(90.0), softplus(-200.0)), 1.0);
-        assert!(beta_mode(softplus(f32::NAN), 1.0).is_nan());
+        assert_eq!(
+            beta_mode(softplus::<false>(-200.0), softplus::<false>(-200.0)),
+            0.5,
+            "flat"
+        );
+        assert_eq!(beta_mode(softplus::<false>(90.0), softplus::<false>(-200.0)), 1.0);
+        assert!(beta_mode(softplus::<false>(f32::NAN), 1.0).is_nan());
     }
 
     #[test]

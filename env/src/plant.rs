@@ -141,6 +141,11 @@ impl Plant {
         self.shared.draw_latency(&mut self.stream) * self.shared.config.control_dt()
     }
 
+    /// By how much a single reading comes later than that, s, as the configuration draws it.
+    pub fn draw_jitter(&mut self) -> f64 {
+        self.shared.draw_jitter(&mut self.stream) * self.shared.config.control_dt()
+    }
+
     /// The torques of the policy's joints in the last step, N m or N.
     pub fn torques(&self) -> Vec<f64> {
         let (state, actuators) = (self.engine.joints(), &self.actuators);

@@ -74,6 +74,8 @@ pub struct History {
     newest: usize,
     /// Latency in control steps.
     delay: f64,
+    /// How old the reading was that reached the policy last, control steps.
+    age: f64,
     delayed: Reading,
 }
 
@@ -84,6 +86,7 @@ impl History {
             readings: vec![Reading::zero(joints); longest.ceil() as usize + 2],
             newest: 0,
             delay: 0.0,
+            age: 0.0,
             delayed: Reading::zero(joints),
         }
     }
@@ -92,6 +95,7 @@ impl History {
     pub fn reset(&mut self, delay: f64, fill: impl FnOnce(&mut Reading)) {
         self.newest = 0;
         self.set_delay(delay);
+        self.age = self.delay;
         let (first, rest) = self
             .readings
             .split_first_mut()
@@ -112,13 +116,15 @@ impl History {
         fill(&mut self.readings[self.newest]);
     }
 
-    /// The reading that reaches the policy now: the one that is `delay` old, by linear interpolation.
-    pub fn delayed(&mut self) -> &Reading {
+    /// The reading that reaches the policy now: the one that is as old as the latency and `jitter` more, control steps, by linear
+    /// interpolation. Readings arrive in the order in which they were made: none is older than the one before it.
+    pub fn delayed(&mut self, jitter: f64) -> &Reading {
         let n = self.readings.len();
-        let whole = self.delay.floor() as usize;
+        self.age = (self.delay + jitter).min(self.age + 1.0).min((n - 2) as f64);
+        let whole = self.age.floor() as usize;
         let younger = &self.readings[(self.newest + n - whole) % n];
         let older = &self.readings[(self.newest + n - whole - 1) % n];
-        self.delayed.blend(younger, older, (self.delay - whole as f64) as f32);
+        self.delayed.blend(younger, older, (self.age - whole as f64) as f32);
         &self.delayed
     }
 
@@ -138,7 +144,28 @@ mod tests {
         history.reset(1.25, |reading| reading.position[0] = 0.0);
         for k in 1..=10 {
             history.record(|reading| reading.position[0] = k as f32);
-            assert_eq!(history.delayed().position[0], (k as f32 - 1.25).max(0.0), "step {k}");
+            assert_eq!(history.delayed(0.0).position[0], (k as f32 - 1.25).max(0.0), "step {k}");
+        }
+    }
+
+    #[test]
+    fn readings_that_come_later_still_stay_in_order() {
+        let mut history = History::new(1, 3.0);
+        history.reset(0.5, |reading| reading.position[0] = 0.0);
+        let mut last = 0.0;
+        for k in 1..=200 {
+            history.record(|reading| reading.position[0] = k as f32);
+            let jitter = 2.5 * f64::from(k * 7 % 10) / 10.0;
+            let age = k as f32 - history.delayed(jitter).position[0];
+            assert!(
+                k as f32 - age >= last,
+                "step {k}: an older reading came after a younger one"
+            );
+            assert!(
+                k < 4 || (0.5..=0.5 + jitter as f32).contains(&age),
+                "step {k}: {age} old"
+            );
+            last = k as f32 - age;
         }
     }
 
@@ -147,6 +174,6 @@ mod tests {
         let mut history = History::new(1, 0.0);
         history.reset(0.0, |reading| reading.position[0] = 5.0);
         history.record(|reading| reading.position[0] = 7.0);
-        assert_eq!(history.delayed().position[0], 7.0);
+        assert_eq!(history.delayed(0.0).position[0], 7.0);
     }
 }

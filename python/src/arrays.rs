@@ -27,6 +27,24 @@ impl<'a, 'py> FromPyObject<'a, 'py> for Row<'py> {
     }
 }
 
+/// A time, ns.
+pub struct Time(pub u64);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Time {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        object.extract().map(Self).map_err(|_| {
+            let found = object
+                .repr()
+                .map_or_else(|_| "something else".to_owned(), |it| it.to_string());
+            refuse(format!(
+                "a time is a whole number of nanoseconds from 0 to 2^64 - 1, not {found}"
+            ))
+        })
+    }
+}
+
 /// Numbers in any number of dimensions.
 pub type Numbers<'py> = PyArrayLikeDyn<'py, f32, AllowTypeChange>;
 

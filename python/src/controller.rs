@@ -13,7 +13,7 @@ use omniwalk_env::task::shared::spec;
 use pyo3::types::{PyBytes, PyDict};
 use pyo3::{Borrowed, prelude::*};
 
-use crate::arrays::{self, Numbers, Row};
+use crate::arrays::{self, Numbers, Row, Time};
 use crate::error::{raise, refuse};
 use crate::robot::Robot;
 use crate::status::Status;
@@ -58,7 +58,12 @@ fn named(values: &Bound<'_, PyDict>, joint: &str, what: &str) -> PyResult<f32> {
             "{what} has no entry for joint `{joint}`, which the policy moves"
         ))
     })?;
-    value.extract()
+    value.extract().map_err(|_| {
+        let found = value
+            .repr()
+            .map_or_else(|_| "something else".to_owned(), |it| it.to_string());
+        refuse(format!("{what} of joint `{joint}` must be a number, not {found}"))
+    })
 }
 
 impl Controller {
@@ -252,8 +257,8 @@ impl Controller {
     fn step<'py>(
         &mut self,
         py: Python<'py>,
-        now: u64,
-        measured: u64,
+        now: Time,
+        measured: Time,
         position: Joints<'py>,
         velocity: Joints<'py>,
         attitude: Row<'py>,
@@ -282,7 +287,7 @@ impl Controller {
         let Self {
             controller, targets, ..
         } = self;
-        let status = py.detach(|| controller.step(now, measured, &sensors, desired, targets));
+        let status = py.detach(|| controller.step(now.0, measured.0, &sensors, desired, targets));
         let targets = match out {
             _ if by_name => {
                 let names = joints.iter().map(|joint| joint.name.as_str());

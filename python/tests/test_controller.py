@@ -181,6 +181,23 @@ def test_readings_that_are_no_row_are_refused_in_words(reading):
         controller.step(0, 0, **readings)
 
 
+@pytest.mark.parametrize("time", [-1, None, 0.5, 2**64, "now"])
+def test_times_that_are_none_are_refused_in_words(time):
+    controller = omniwalk.Controller(TRAINED)
+    with pytest.raises(omniwalk.Error, match=f"whole number of nanoseconds.*not {time!r}"):
+        controller.step(time, 0, **still(controller))
+    with pytest.raises(omniwalk.Error, match=f"whole number of nanoseconds.*not {time!r}"):
+        controller.step(0, time, **still(controller))
+
+
+def test_a_position_that_is_no_number_is_refused_with_its_joint():
+    controller = omniwalk.Controller(TRAINED)
+    readings = still(controller)
+    readings["position"] = dict.fromkeys(controller.joints, "bent")
+    with pytest.raises(omniwalk.Error, match=f"position of joint `{controller.joints[0]}` must be a number, not 'bent'"):
+        controller.step(0, 0, **readings)
+
+
 def test_the_policy_fits_its_robot_and_no_other():
     controller = omniwalk.Controller(TRAINED)
     robot = omniwalk.Robot(ROOT / "robots/nimbro_op2x")

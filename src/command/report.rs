@@ -13,16 +13,16 @@ use crate::report::canvas::Canvas;
 use crate::report::curves::Curves;
 use crate::report::html::{About, page};
 use crate::report::motion::Motion;
-use crate::report::{film, gait, learning};
+use crate::report::{film, gait, learning, load as loads};
 use crate::run::{RunFolder, create_folder, files_of, write_atomic};
 use crate::terminal::say;
 
 /// Largest text file of a run that is read, bytes.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
 
-/// Draws learning curves of runs, and gait and filmstrip of the first one's fastest rollout.
+/// Draws learning curves of runs, and gait, loads of the joints and filmstrip of the first one's fastest rollout.
 ///
-/// Writes learning.png, gait.png, filmstrip.png and report.html, which holds the pictures, the evaluation and the
+/// Writes learning.png, gait.png, load.png, filmstrip.png and report.html, which holds the pictures, the evaluation and the
 /// configuration. Works while a run is still training; without rollouts (see `omniwalk eval`) there are only curves.
 #[derive(clap::Args, Debug)]
 pub struct Args {
@@ -103,6 +103,7 @@ fn motion_pictures(run: &RunFolder) -> Result<Vec<(&'static str, Canvas)>> {
     if !robot.feet.is_empty() {
         pictures.insert(0, ("gait.png", gait::draw(&motion, &robot)?));
     }
+    pictures.extend(loads::draw(&motion, &robot)?.map(|canvas| ("load.png", canvas)));
     Ok(pictures)
 }
 

@@ -4,7 +4,7 @@
 use plotters::style::RGBColor;
 
 use super::hold::Row;
-use super::push::{Pushes, THESIS};
+use super::push::{Cell, Pushes, THESIS};
 use super::pushing::DIRECTIONS;
 use super::stats::Estimate;
 use super::summary::Errors;
@@ -228,70 +228,79 @@ fn shade(share: f64) -> RGBColor {
     RGBColor(mix(250.0, 120.0), mix(250.0, 20.0), mix(240.0, 30.0))
 }
 
-/// The strongest pushes that are recovered, with those of table 7.2.
+/// Where the corners of a polygon of [`DIRECTIONS`] are, with the front above.
+const BEARINGS: [(f64, f64); 4] = [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)];
+
+/// The strongest pushes that are recovered, with those of table 7.2: a polygon a command, with a corner where the pushes come from.
 ///
 /// # Errors
 /// [`ReportError::Draw`].
 pub fn push(pushes: &Pushes) -> Result<Canvas, ReportError> {
-    let highest = THESIS.iter().flatten().flatten().copied();
-    let highest = pushes
-        .cells
-        .iter()
-        .map(|cell| cell.any())
-        .chain(highest)
-        .fold(0.0, f64::max);
-    let below = "highest force for 0.2 s with all pushes recovered (dark) and with any (pale), N, by command";
-    framed(560, "Pushes recovered", below, |area| {
-        for (i, cell) in area.split_evenly((2, 2)).iter().enumerate() {
-            let mut panel = pushed_from(i, pushes);
-            panel.y = Some(0.0..1.08 * highest);
-            panel.draw(cell)?;
+    let thesis = THESIS.iter().flatten().flatten().copied();
+    let reached = pushes.cells.iter().map(Cell::any);
+    let highest = reached.chain(thesis).fold(0.0, f64::max);
+    let below = "highest force for 0.2 s, N, from where it came: front above, back below, right and left beside; circles each 50 N";
+    framed(820, "Pushes recovered", below, |area| {
+        let panels = pushes.cells.chunks(DIRECTIONS.len()).zip(&THESIS);
+        for ((cells, thesis), area) in panels.zip(&area.split_evenly((2, 3))) {
+            polar(cells, thesis, 1.08 * highest).draw(area)?;
         }
         Ok(())
     })
 }
 
-fn pushed_from(direction: usize, pushes: &Pushes) -> Panel<'static> {
-    let cells = pushes
-        .cells
-        .iter()
-        .filter(|cell| cell.direction == DIRECTIONS[direction]);
-    let mut blocks = Vec::new();
-    let mut thesis = Vec::new();
-    for (i, cell) in cells.enumerate() {
-        let (left, right) = (i as f64 - 0.35, i as f64 + 0.35);
-        blocks.push(([(left, 0.0), (right, cell.any())], PALE));
-        blocks.push(([(left, 0.0), (right, cell.all())], COLOURS[0]));
-        for force in THESIS[i][direction] {
-            thesis.extend([(left, force), (right, force), (f64::NAN, f64::NAN)]);
-        }
-    }
+fn polar(cells: &[Cell], thesis: &[[f64; 2]; 4], reach: f64) -> Panel<'static> {
+    let circles = (1..).map(|i| 50.0 * f64::from(i)).take_while(|&force| force < reach);
+    let circles = circles.flat_map(|force| {
+        let angles = (0..=72).map(|i| f64::from(i) * std::f64::consts::TAU / 72.0);
+        let points = angles.map(move |angle| (force * angle.cos(), force * angle.sin()));
+        points.chain([(f64::NAN, f64::NAN)])
+    });
     Panel {
-        title: [
-            "from the front, N",
-            "from the back, N",
-            "from the right, N",
-            "from the left, N",
-        ][direction],
-        x: Some(-0.5..4.5),
-        x_label: command,
-        y_label: short,
+        title: command(cells[0].command),
+        x: Some(-1.25 * reach..1.25 * reach),
+        y: Some(-reach..reach),
+        x_label: force,
+        y_label: force,
         lines: vec![
-            line("all", COLOURS[0], 1, Vec::new()),
-            line("any", PALE, 1, Vec::new()),
-            line("thesis", COLOURS[1], 4, thesis),
+            line("", FAINT, 2, circles.collect()),
+            line(
+                "thesis, all",
+                COLOURS[1],
+                2,
+                polygon(thesis.iter().map(|[all, _]| *all)),
+            ),
+            line("any", COLOURS[1], 4, polygon(thesis.iter().map(|[_, any]| *any))),
+            line("all", COLOURS[0], 2, polygon(cells.iter().map(Cell::all))),
+            line("any", COLOURS[0], 5, polygon(cells.iter().map(Cell::any))),
         ],
-        blocks,
         ..Panel::default()
     }
 }
 
-/// What the command at `index` of the suite is called.
-fn command(index: &f64) -> String {
-    let names = ["in place", "0.3 forward", "0.6 forward", "0.25 left", "0.5 left"];
-    let whole = index.round();
-    let name = names
-        .get(whole as usize)
-        .filter(|_| (index - whole).abs() < 1e-6 && whole >= 0.0);
-    name.copied().unwrap_or_default().to_owned()
+/// The closed polygon through a force in each of [`DIRECTIONS`].
+fn polygon(forces: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
+    let corners = BEARINGS.iter().zip(forces);
+    let [front, back, right, left] = corners
+        .map(|((x, y), force)| (x * force, y * force))
+        .collect::<Vec<_>>()[..]
+    else {
+        return Vec::new();
+    };
+    vec![front, right, back, left, front]
+}
+
+fn force(newtons: &f64) -> String {
+    short(&newtons.abs())
+}
+
+/// What a command of the suite is called.
+fn command(command: [f64; 3]) -> &'static str {
+    match command {
+        [0.0, 0.0, _] => "in place",
+        [0.3, ..] => "0.3 m/s forward",
+        [0.6, ..] => "0.6 m/s forward",
+        [_, 0.25, _] => "0.25 m/s to the left",
+        _ => "0.5 m/s to the left",
+    }
 }

@@ -57,11 +57,7 @@ fn identity(settings: &Settings, checkpoint: &Checkpoint) -> miette::Result<Iden
         seed: settings.train.seed,
         steps: checkpoint.step,
         program: program.unwrap_or("omniwalk").to_owned(),
-        latency: if latency.enabled {
-            [latency.lower as f32, latency.upper as f32]
-        } else {
-            [0.0; 2]
-        },
+        latency: [if latency.enabled { latency.lower } else { 0.0 }, latency.longest()].map(|x| x as f32),
         curriculum: Curriculum {
             lower: lower.map(|x| x as f32),
             upper: upper.map(|x| x as f32),

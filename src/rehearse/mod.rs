@@ -5,8 +5,8 @@
 //!        targets hold until others come  <-- targets, status --
 //! ```
 //!
-//! The latency is drawn once, as for an episode of training, and means what it means there: how old readings are when the
-//! policy acts on them. What varies about it is what the two processes add.
+//! The latency is drawn once, as for an episode of training, and its jitter once a control period; they mean what they mean there:
+//! how old readings are when the policy acts on them. The two processes add what they add.
 //!
 //! Either process may stop or die: the robot's servos hold their last targets, the controller holds, then goes to the nominal
 //! pose; a controller that died is started again, and one whose robot died ends.

@@ -14,6 +14,8 @@ pub struct Report {
     pub seconds: f64,
     /// The latency that was drawn, s.
     pub latency: f64,
+    /// By how much single readings came later at most, as configured, s.
+    pub jitter: f64,
     /// Readings that were sent, one each physics step.
     pub readings: u64,
     /// Control steps of the simulation.
@@ -95,6 +97,7 @@ impl Report {
         json!({
             "seconds": self.seconds,
             "latency_s": self.latency,
+            "jitter_s": self.jitter,
             "readings": self.readings,
             "commands": self.commands,
             "control_periods": self.control_steps,
@@ -140,7 +143,7 @@ impl Report {
             .collect();
         format!(
             "{:.1} s, {} readings, {} commands in {} control periods, {} late, {} physics steps left out, controller restarted {} times\n\
-             latency {:.1} ms; from measurement to targets, ms: {}\n\
+             latency {:.1} ms, jitter up to {:.1} ms; from measurement to targets, ms: {}\n\
              step of the controller, us: {}\n\
              longest silence of the controller: {:.3} s\n\
              modes: {}; faults: {}; out of range {}\n\
@@ -154,6 +157,7 @@ impl Report {
             self.physics_skipped,
             self.restarts,
             self.latency * 1e3,
+            self.jitter * 1e3,
             figures("latency_ms"),
             figures("step_us"),
             self.silence,

@@ -33,6 +33,8 @@ pub struct Simulated {
     substeps: u64,
     /// How long readings are underway, ns.
     latency: u64,
+    /// How much longer those of this control period are, ns.
+    jitter: u64,
     /// Readings on their way, with the time they arrive.
     underway: VecDeque<(u64, Measured)>,
     /// When each reading was measured and the true velocity of the base then, in the base frame.
@@ -53,6 +55,11 @@ impl Simulated {
         let latency = plant.draw_latency();
         let report = Report {
             latency,
+            jitter: if config.latency.enabled {
+                config.latency.jitter
+            } else {
+                0.0
+            },
             ..Report::default()
         };
         Ok(Self {
@@ -60,6 +67,7 @@ impl Simulated {
             // The newest reading has waited for half a physics step when the controller takes it, and the targets wait for as
             // long until the physics takes them.
             latency: ((latency - config.physics_dt()).max(0.0) * 1e9) as u64,
+            jitter: 0,
             plant,
             report,
             dt: (config.physics_dt() * 1e9).round() as u64,
@@ -185,6 +193,9 @@ impl Simulated {
             sums.for_each(|(sum, x)| *sum += x);
         }
         self.truths.push((time, truth.velocity.into()));
+        if controls {
+            self.jitter = (self.plant.draw_jitter() * 1e9) as u64;
+        }
         let (torques, base) = (self.plant.torques(), self.plant.base());
         let reading = self.plant.measure();
         if controls {
@@ -200,7 +211,10 @@ impl Simulated {
             position: reading.position.clone(),
             velocity: reading.velocity.clone(),
         };
-        self.underway.push_back((time + self.latency, measured));
+        // In the order in which they were made.
+        let before = self.underway.back().map_or(0, |(arrival, _)| *arrival);
+        self.underway
+            .push_back(((time + self.latency + self.jitter).max(before), measured));
         self.report.readings += 1;
         Ok(())
     }

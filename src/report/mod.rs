@@ -1,4 +1,5 @@
-//! Pictures of runs and the page that holds them: learning curves, the gait of a rollout, a filmstrip of it.
+//! Pictures of runs and the page that holds them: learning curves, the gait of a rollout and what it asks of
+//! the joints, a filmstrip of it.
 //!
 //! Pictures are drawn in memory at twice their size and averaged down, which smooths every edge alike, with a font that
 //! is compiled in: the same files give the same bytes on every machine, with fonts installed or without.
@@ -10,6 +11,7 @@ pub mod gait;
 pub mod html;
 pub mod identification;
 pub mod learning;
+pub mod load;
 pub mod motion;
 pub mod plot;
 pub mod ray;

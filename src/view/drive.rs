@@ -168,7 +168,7 @@ impl Drive {
         self.patience = self.patience.saturating_sub(1);
         let now = self.now();
         let measured = now.saturating_sub((self.latency * 1e9) as u64);
-        let reading = self.history.delayed();
+        let reading = self.history.delayed(0.0);
         let sensors = Sensors {
             position: &reading.position,
             velocity: &reading.velocity,

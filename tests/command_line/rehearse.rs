@@ -21,13 +21,14 @@ fn policy(folder: &Path) {
     succeeds(folder, &["export", "run", "--out", "p.omni"]);
 }
 
-/// Starts a rehearsal of `seconds` with the signals of `disturb`, which gets the processes of robot and controller.
-fn rehearse(folder: &Path, seconds: &str, disturb: impl FnOnce(u32, u32)) -> Value {
+/// Starts a rehearsal of `seconds` with more `options` and the signals of `disturb`, which gets the processes of robot and controller.
+fn rehearse(folder: &Path, seconds: &str, options: &[&str], disturb: impl FnOnce(u32, u32)) -> Value {
     let mut process = Command::new(assert_cmd::cargo::cargo_bin("omniwalk"))
         .current_dir(folder)
         .args(["rehearse", "p.omni", "--seconds", seconds, "--command", "0,0,0"])
         .args(["--log", "log.mcap", "--json", "result.json", "--robot"])
         .arg(robot("nimbro_op2x"))
+        .args(options)
         .stdout(Stdio::piped())
         .spawn()
         .unwrap();
@@ -80,7 +81,7 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     policy(folder);
-    let result = rehearse(folder, "4", |_, _| {});
+    let result = rehearse(folder, "4", &[], |_, _| {});
     let number = |pointer: &str| result.pointer(pointer).and_then(Value::as_f64).expect(pointer);
     assert!(number("/readings") > 20.0 && number("/commands") > 20.0, "{result}");
     assert_eq!(number("/restarts"), 0.0);
@@ -96,8 +97,15 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
         assert!(log.contains(topic), "{topic} is not in\n{log}");
     }
 
+    // Jitter makes single readings later, by what the configuration says.
+    let jitter = ["latency.lower=0.01", "latency.upper=0.01", "latency.jitter=0.1"].map(|it| ["--set", it]);
+    let late = rehearse(folder, "4", &jitter.concat(), |_, _| {});
+    assert_eq!(late["jitter_s"], 0.1);
+    let at = |which: &str| late["latency_ms"][which].as_f64().unwrap();
+    assert!(at("p50") > 30.0 && at("p50") < 100.0 && at("p90") > 70.0, "{late}");
+
     // The controller's process stops for a second: the servos hold.
-    let result = rehearse(folder, "9", |_, controller| {
+    let result = rehearse(folder, "9", &[], |_, controller| {
         sleep(Duration::from_secs(3));
         signal(controller, "-STOP");
         sleep(Duration::from_secs(1));
@@ -108,7 +116,7 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
     recovered(&result);
 
     // It dies and is started again a second later: the servos hold, then another takes over.
-    let result = rehearse(folder, "9", |_, controller| {
+    let result = rehearse(folder, "9", &[], |_, controller| {
         sleep(Duration::from_secs(3));
         signal(controller, "-KILL");
     });
@@ -117,7 +125,7 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
     recovered(&result);
 
     // The robot is gone for a second: the controller holds, then goes to the nominal pose.
-    let result = rehearse(folder, "9", |robot, _| {
+    let result = rehearse(folder, "9", &[], |robot, _| {
         sleep(Duration::from_secs(3));
         signal(robot, "-STOP");
         sleep(Duration::from_secs(1));
@@ -195,7 +203,7 @@ fn a_robot_that_is_killed_leaves_its_log_and_nothing_else_and_can_be_started_aga
     }
     assert!(messages > 20, "{messages} messages are left");
 
-    let result = rehearse(folder, "6", |_, _| {});
+    let result = rehearse(folder, "6", &[], |_, _| {});
     recovered(&result);
 }
 

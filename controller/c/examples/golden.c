@@ -31,10 +31,7 @@ static OwResult load(int arguments, char **argument, OwController **controller) 
 }
 #else
 static OwResult load(int arguments, char **argument, OwController **controller) {
-    if (arguments != 2) {
-        fprintf(stderr, "usage: %s POLICY.omni\n", argument[0]);
-        return OW_RESULT_ARGUMENT;
-    }
+    (void)arguments;
     return ow_load_file(argument[1], controller);
 }
 #endif
@@ -43,6 +40,12 @@ int main(int arguments, char **argument) {
     OwController *controller = NULL;
     float targets[MOST_JOINTS];
     size_t step, joint, joints;
+#ifndef POLICY_INSIDE
+    if (arguments != 2) {
+        fprintf(stderr, "usage: %s POLICY.omni\n", argument[0]);
+        return 2;
+    }
+#endif
     if (load(arguments, argument, &controller) != OW_RESULT_OK) {
         return complain("cannot load");
     }

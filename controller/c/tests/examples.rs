@@ -55,6 +55,10 @@ fn both_examples_reproduce_the_golden_steps() {
         "reproduced 60 golden steps of 2 joints\n"
     );
 
+    let output = Command::new(&program).output().expect("starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).starts_with("usage: "));
+
     let program = folder.path().join("golden_cpp");
     let search = format!("-L{}", found.display());
     build(

@@ -8,9 +8,12 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 /// Most groups that are scheduled: of more there are enough for every core to find another when it is done with one.
 pub const GROUPS: usize = 16;
 
-/// Steps by which a group may be ahead of another. An exchange costs half a step of waiting and a group's numbers on
-/// their way from one core's cache to another's.
+/// Steps by which a group may be ahead of another at the end, and the share of the steps that are left before.
+///
+/// An exchange costs half a step of waiting and a group's numbers on their way from one core's cache to another's, and none is
+/// needed while there is time to catch up: what counts is that all groups end together.
 const LEAD: usize = 4;
+const SHARE: usize = 8;
 
 /// Which steps are done and who is at what.
 pub struct Schedule {
@@ -73,8 +76,9 @@ impl Schedule {
         if board.done[group] == self.steps || board.wanted[group] && board.free(self.steps).is_some() {
             return self.change(board, group);
         }
+        let lead = LEAD.max((self.steps - board.done[group]) / SHARE);
         let behind = (0..board.groups)
-            .filter(|&other| board.done[other] + LEAD <= board.done[group] && !board.wanted[other])
+            .filter(|&other| board.done[other] + lead <= board.done[group] && !board.wanted[other])
             .min_by_key(|&other| board.done[other]);
         match behind {
             None => Some((group, board.done[group])),
@@ -169,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_thread_that_is_ahead_exchanges_groups_with_one_that_is_behind() {
-        let schedule = Schedule::new(2, 100);
+        let schedule = Schedule::new(2, LEAD * SHARE);
         assert_eq!(schedule.begin(), Some((0, 0)));
         std::thread::scope(|scope| {
             let fast = scope.spawn(|| {
@@ -186,6 +190,17 @@ mod tests {
             assert_eq!(schedule.proceed(0), Some((1, LEAD)));
             assert_eq!(fast.join().unwrap(), Some((0, 1)));
         });
+    }
+
+    #[test]
+    fn nothing_is_exchanged_while_there_is_time_to_catch_up() {
+        let schedule = Schedule::new(2, 160);
+        assert_eq!((schedule.begin(), schedule.begin()), (Some((0, 0)), Some((1, 0))));
+        // 143 steps are left where 17 are done, and an eighth of that is 17.
+        for step in 1..17 {
+            assert_eq!(schedule.proceed(1), Some((1, step)));
+        }
+        assert!(!schedule.board().wanted[0]);
     }
 
     #[test]

@@ -245,6 +245,15 @@ pub struct LatencyConfig {
     pub lower: f64,
     /// Largest latency of an episode, s.
     pub upper: f64,
+    /// By how much a reading may come later than that, s: each by a uniform draw between zero and this.
+    pub jitter: f64,
+}
+
+impl LatencyConfig {
+    /// Oldest a reading can be when the policy has it, s.
+    pub fn longest(&self) -> f64 {
+        if self.enabled { self.upper + self.jitter } else { 0.0 }
+    }
 }
 
 /// Section `[friction]`: ranges of the sole's friction (thesis 7.5).

@@ -182,6 +182,7 @@ impl EnvConfig {
             "latency.upper",
             "latency.lower to 1 s".into(),
         );
+        require((0.0..=1.0).contains(&l.jitter), "latency.jitter", "0 to 1 s".into());
         let range = |r: [f64; 2]| r[0] >= 0.0 && r[1] >= r[0] && r[1] <= 100.0;
         let right = || "two numbers from 0 to 100, the smaller first".to_string();
         require(range(self.friction.tangential), "friction.tangential", right());

@@ -277,7 +277,8 @@ impl Environment {
 
     /// What the controller takes to write the observation `out` after [`Environment::sense`] or at a reset.
     pub fn turn<'a>(&'a mut self, shared: &Shared, truth: &Truth, out: &'a mut [f32]) -> Turn<'a> {
-        let reading = self.history.delayed();
+        let jitter = shared.draw_jitter(&mut self.stream);
+        let reading = self.history.delayed(jitter);
         let v = truth.velocity.map(|x| x as f32);
         let given = shared.config.observation.true_velocity;
         Turn {

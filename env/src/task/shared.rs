@@ -138,14 +138,20 @@ impl Shared {
         }
     }
 
-    /// The longest latency there can be, in control steps.
-    pub fn longest_latency(&self) -> f64 {
+    /// Draws by how much a single reading comes later than the latency, in control steps.
+    pub fn draw_jitter(&self, stream: &mut Stream) -> f64 {
         let l = &self.config.latency;
-        if l.enabled {
-            l.upper * f64::from(self.config.engine.control_hz)
+        // Nothing is drawn where there is none, so that the other draws of an episode are the same.
+        if l.enabled && l.jitter > 0.0 {
+            stream.uniform(0.0, l.jitter) * f64::from(self.config.engine.control_hz)
         } else {
             0.0
         }
+    }
+
+    /// The longest latency there can be, in control steps.
+    pub fn longest_latency(&self) -> f64 {
+        self.config.latency.longest() * f64::from(self.config.engine.control_hz)
     }
 }
 

@@ -244,11 +244,12 @@ fn what_is_drawn_for_an_episode_fills_its_configured_range_uniformly() {
     config.randomise.mass = 0.1;
     config.randomise.centre_of_mass = 0.02;
     config.latency.enabled = true;
-    (config.latency.lower, config.latency.upper) = (0.01, 0.05);
+    (config.latency.lower, config.latency.upper, config.latency.jitter) = (0.01, 0.05, 0.02);
     let shared = Shared::new(nimbro(), &config, 1).expect("a humanoid");
     let mut stream = Stream::new(3, 0, 0);
     let mut world = shared.nominal.clone();
-    let (mut friction, mut factors, mut shifts, mut latencies) = ([const { Vec::new() }; 3], vec![], vec![], vec![]);
+    let (mut friction, mut factors, mut shifts) = ([const { Vec::new() }; 3], vec![], vec![]);
+    let (mut latencies, mut jitters) = (vec![], vec![]);
     for _ in 0..4000 {
         shared.draw_world(&mut stream, &mut world);
         let f = &world.friction;
@@ -261,6 +262,7 @@ fn what_is_drawn_for_an_episode_fills_its_configured_range_uniformly() {
         assert!((drawn.inertia - nominal.inertia * factor).norm() < 1e-12 && drawn.com == nominal.com);
         shifts.extend((world.links[0].com - shared.nominal.links[0].com).iter());
         latencies.push(shared.draw_latency(&mut stream));
+        jitters.push(shared.draw_jitter(&mut stream));
     }
     assert_uniform(&friction[0], 0.4, 0.8);
     assert_uniform(&friction[1], 0.1, 0.3);
@@ -270,6 +272,8 @@ fn what_is_drawn_for_an_episode_fills_its_configured_range_uniformly() {
     assert_uniform(&shifts, -0.02 - 1e-12, 0.02 + 1e-12);
     // In control steps of 25 ms.
     assert_uniform(&latencies, 0.4, 2.0);
+    assert_uniform(&jitters, 0.0, 0.8);
+    assert!((shared.longest_latency() - 2.8).abs() < 1e-12);
 }
 
 #[test]
