@@ -228,6 +228,9 @@ fn shade(share: f64) -> RGBColor {
     RGBColor(mix(250.0, 120.0), mix(250.0, 20.0), mix(240.0, 30.0))
 }
 
+/// Width over height of what a panel of the pushes shows, so that circles are round.
+const ASPECT: f64 = 0.97;
+
 /// Where the corners of a polygon of [`DIRECTIONS`] are, with the front above.
 const BEARINGS: [(f64, f64); 4] = [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)];
 
@@ -258,7 +261,7 @@ fn polar(cells: &[Cell], thesis: &[[f64; 2]; 4], reach: f64) -> Panel<'static> {
     });
     Panel {
         title: command(cells[0].command),
-        x: Some(-1.25 * reach..1.25 * reach),
+        x: Some(-ASPECT * reach..ASPECT * reach),
         y: Some(-reach..reach),
         x_label: force,
         y_label: force,
