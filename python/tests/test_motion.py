@@ -1,4 +1,4 @@
-"""Motions of the engines against MuJoCo's: a chain that swings, and the NimbRo-OP2X on a stand under chirps.
+"""Motions of the engines against MuJoCo's: a chain and a double pendulum that swing, and the NimbRo-OP2X on a stand under chirps.
 
 Every program has an error in proportion to its step. Twice the motion of half a step less that of a whole one leaves an
 error of second order, of which three quarters go when both steps are halved again: what the last halving changes is
@@ -11,13 +11,14 @@ import re
 import shutil
 import subprocess
 from functools import cache
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from programs import ROOT, program
 from subjects import subject
+
+CHAIN = "python/tests/robots/chain"
 
 STEPS = (0.001, 0.0005, 0.00025)
 """s"""
@@ -79,6 +80,17 @@ def on_a_stand(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(folder)
 
 
+@pytest.fixture(scope="module")
+def double_pendulum(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A folder of the chain's first two rods."""
+    folder, source = tmp_path_factory.mktemp("double"), ROOT / CHAIN
+    description = (source / "chain.urdf").read_text()
+    rest = r'<(joint|link) name="(?:hinge|rod)_[2-5]".*?</\1>'
+    (folder / "chain.urdf").write_text(re.sub(rest, "", description, flags=re.DOTALL))
+    shutil.copy(source / "robot.toml", folder)
+    return str(folder)
+
+
 def agrees(folder: str, engine: str) -> None:
     """Asserts that the engine and MuJoCo move the robot alike."""
     own, own_change = extrapolated([np.array(engine_motion(folder, engine, dt)["positions"]) for dt in STEPS])
@@ -90,7 +102,13 @@ def agrees(folder: str, engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ["scalar", "rapier"])
 def test_a_chain_swings_as_in_mujoco(engine: str) -> None:
-    agrees(str(Path("python/tests/robots/chain")), engine)
+    agrees(CHAIN, engine)
+
+
+@pytest.mark.parametrize("engine", ["scalar", "rapier"])
+def test_a_double_pendulum_swings_as_in_mujoco(engine: str, double_pendulum: str) -> None:
+    assert len(engine_motion(double_pendulum, engine, STEPS[0])["dofs"]) == 2
+    agrees(double_pendulum, engine)
 
 
 @pytest.mark.parametrize("engine", ["scalar", "rapier"])

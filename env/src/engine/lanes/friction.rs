@@ -16,9 +16,9 @@ use super::vector::{Sym3, Vec3};
 use super::work::PointWork;
 
 /// Force per slip speed of a sticking point, N s/m.
-const SLIP_DAMPING: f64 = 2e6;
+pub const SLIP_DAMPING: f64 = 2e6;
 /// Moment per turning speed of a sticking point, N m s/rad.
-const TURN_DAMPING: f64 = 2e3;
+pub const TURN_DAMPING: f64 = 2e3;
 /// Added to the inverse inertia of every frictional component, so that one without friction has an inverse.
 const LEAST_RESPONSE: f64 = 1e-9;
 /// Largest multiplier of a slipping point, 1/kg: far beyond every inverse inertia, and its cube is still a single-precision number.

@@ -22,7 +22,7 @@ use crate::robot::{Base, JointKind, Robot};
 pub const ROOT: usize = 6;
 
 /// Default of [`Model::sweeps`]; they start from the impulses of the last step.
-const SWEEPS: usize = 5;
+pub const SWEEPS: usize = 5;
 
 /// A moving joint, mimic or not. Joint j carries link j + 1.
 pub struct JointModel<L: Lane> {

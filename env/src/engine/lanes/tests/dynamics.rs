@@ -1,6 +1,6 @@
 //! Mass matrix, bias force and free motion.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use nalgebra::{DMatrix, Point3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -106,7 +106,6 @@ fn error(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
 
 /// Robots of files: the NimbRo-OP2X, and published descriptions where `OMNIWALK_SHARED` says where they are.
 fn published() -> Vec<Robot> {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/nimbro_op2x");
     let shared = std::env::var_os("OMNIWALK_SHARED").map(|folder| Path::new(&folder).join("robots/urdf"));
     if shared.is_none() {
         println!("OMNIWALK_SHARED is not set: only robots of the project are tried");
@@ -118,7 +117,7 @@ fn published() -> Vec<Robot> {
     ];
     let others = shared.iter().flat_map(|folder| files.map(|file| folder.join(file)));
     let load = |file: PathBuf| crate::robot::load(&file).expect("the robot loads");
-    [own].into_iter().chain(others).map(load).collect()
+    [nimbro()].into_iter().chain(others.map(load)).collect()
 }
 
 fn check<L: Kernel>(bound: f64) {
@@ -212,16 +211,6 @@ fn drift(robot: &Robot, begin: &Start, level: Simd, dt: f64, seconds: f64) -> [f
         (last.momentum - expected).norm() / first.momentum.norm(),
         (about_com(&last) - about_com(&first)).norm() / about_com(&first).norm(),
     ]
-}
-
-/// What a step rounds in every lane of the level, and how often on a number's way through it.
-fn rounding(level: Simd) -> f64 {
-    let epsilon = if level.name().starts_with("f32") {
-        f64::from(f32::EPSILON)
-    } else {
-        f64::EPSILON
-    };
-    8.0 * epsilon
 }
 
 /// With a drift of `a h + b h^2`, twice that at half the step less that at the whole one is `-b h^2 / 2`, and a quarter of it is

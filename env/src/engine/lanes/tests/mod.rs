@@ -5,19 +5,33 @@ mod joint;
 mod lanes;
 mod reference;
 mod robots;
+mod standing;
+mod sweeps;
+mod tipping;
+
+use std::path::Path;
 
 use super::{Lanes, Simd};
 use crate::engine::{Drive, Engine, Friction, GRAVITY, Start, World};
 use crate::robot::Robot;
 use nalgebra::Vector3;
 
+fn friction(tangential: f64, torsional: f64, rolling: f64) -> Friction {
+    Friction {
+        tangential,
+        torsional,
+        rolling,
+    }
+}
+
 fn world(robot: &Robot) -> World {
-    let friction = Friction {
-        tangential: 0.6,
-        torsional: 0.0,
-        rolling: 0.0,
-    };
-    World::nominal(robot, friction)
+    World::nominal(robot, friction(0.6, 0.0, 0.0))
+}
+
+/// The project's humanoid.
+fn nimbro() -> Robot {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/nimbro_op2x");
+    crate::robot::load(Path::new(path)).expect("the robot loads")
 }
 
 /// Every actuator at its nominal target in one world.
@@ -44,4 +58,18 @@ fn single(robot: &Robot, dt: f64, level: Simd, start: &Start, world: &World) -> 
 
 fn levels() -> impl Iterator<Item = Simd> {
     Simd::ALL.into_iter().filter(|level| level.is_available())
+}
+
+/// Relative rounding error of a number in the level's lanes.
+fn epsilon(level: Simd) -> f64 {
+    if level.name().starts_with("f32") {
+        f64::from(f32::EPSILON)
+    } else {
+        f64::EPSILON
+    }
+}
+
+/// What a step rounds of a number in the level's lanes, relative: a few times on its way through.
+fn rounding(level: Simd) -> f64 {
+    8.0 * epsilon(level)
 }
