@@ -36,6 +36,7 @@ pub fn conditions(config: &EnvConfig, suite: &Forward) -> EnvConfig {
     let mut config = config.clone();
     config.task.episode_seconds = suite.seconds;
     config.task.random_first_length = false;
+    config.task.overlap_margin = 0.0;
     config.command.resample_seconds = 0.0;
     config.push.enabled = false;
     if suite.nominal {

@@ -44,6 +44,8 @@ pub struct Cell {
     pub direction: Direction,
     /// How many were recovered at each force: entry `i` at `i + 1` steps of 10 N.
     pub recovered: Vec<usize>,
+    /// Of those that were not, how many ended in legs that passed through each other.
+    pub overlapped: Vec<usize>,
     /// Pushes at each force.
     pub pushes: usize,
 }
@@ -72,16 +74,22 @@ impl Cell {
 }
 
 /// Pushes harder and harder, with `push` giving for each of the cells that are still open how many pushes of a force
-/// were recovered.
-fn climb(cells: &mut [Cell], mut push: impl FnMut(f64, &[&Cell]) -> miette::Result<Vec<usize>>) -> miette::Result<()> {
+/// were recovered, and in how many the legs passed through each other.
+fn climb(
+    cells: &mut [Cell],
+    mut push: impl FnMut(f64, &[&Cell]) -> miette::Result<Vec<(usize, usize)>>,
+) -> miette::Result<()> {
     for step in 1.. {
         let open: Vec<&Cell> = cells.iter().filter(|cell| cell.open()).collect();
         if open.is_empty() {
             break;
         }
-        let recovered = push(step as f64 * STEP, &open)?;
+        let results = push(step as f64 * STEP, &open)?;
         let open = cells.iter_mut().filter(|cell| cell.open());
-        open.zip(recovered).for_each(|(cell, n)| cell.recovered.push(n));
+        for (cell, (recovered, overlapped)) in open.zip(results) {
+            cell.recovered.push(recovered);
+            cell.overlapped.push(overlapped);
+        }
     }
     Ok(())
 }
@@ -108,6 +116,7 @@ impl Pushes {
                     command,
                     direction,
                     recovered: Vec::new(),
+                    overlapped: Vec::new(),
                     pushes: n,
                 })
             })
@@ -121,15 +130,18 @@ impl Pushes {
                 .map(|(cell, share)| Push::new(cell.command, cell.direction, force, share, stage, plan))
                 .collect();
             stage.play(part, &mut trials, None)?;
-            let recovered = |pushes: &[Push]| pushes.iter().filter(|push| push.recovered()).count();
-            let recovered = trials.chunks(n).map(recovered).collect();
+            let count = |what: fn(&Push) -> bool| {
+                let cells = trials.chunks(n);
+                cells.map(move |pushes| pushes.iter().filter(|push| what(push)).count())
+            };
+            let results = count(Push::recovered).zip(count(Push::overlapped)).collect();
             if force == STEP {
                 for (command, records) in trials.into_iter().map(Push::before) {
                     let row = COMMANDS.iter().position(|c| *c == command).unwrap_or(0);
                     before[row].extend(records);
                 }
             }
-            Ok(recovered)
+            Ok(results)
         })?;
         Ok(Self { cells, before })
     }
@@ -148,6 +160,7 @@ impl Results for Pushes {
                 "thesis_all_ten_n": all,
                 "thesis_max_n": any,
                 "recovered": cell.recovered,
+                "leg_overlap": cell.overlapped,
             })
         });
         let gaits = COMMANDS.iter().zip(&self.before).map(|(command, records)| {
@@ -190,6 +203,7 @@ mod tests {
             command: [0.0; 3],
             direction,
             recovered: Vec::new(),
+            overlapped: Vec::new(),
             pushes: 10,
         }
     }
@@ -209,6 +223,7 @@ mod tests {
                     Direction::Back => 4,
                     _ => 0,
                 })
+                .map(|recovered| (recovered, usize::from(recovered == 9)))
                 .collect())
         })
         .unwrap();
@@ -217,6 +232,7 @@ mod tests {
             [(10.0, 3), (20.0, 2), (30.0, 1), (40.0, 1), (50.0, 1), (60.0, 1)]
         );
         assert_eq!([cells[0].all(), cells[0].any()], [40.0, 50.0]);
+        assert_eq!(cells[0].overlapped, [0, 0, 1, 0, 0, 0]);
         assert_eq!([cells[1].all(), cells[1].any()], [0.0, 10.0]);
         assert_eq!([cells[2].all(), cells[2].any()], [0.0, 0.0]);
     }

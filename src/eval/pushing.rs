@@ -10,6 +10,7 @@
 //! counts as not recovered.
 
 use nalgebra::Vector3;
+use omniwalk_env::task::episode::End;
 use omniwalk_env::truth::Truth;
 
 use super::meter::{Meter, Record};
@@ -135,6 +136,8 @@ pub struct Push {
     meter: Meter,
     before: Vec<Record>,
     recovered: Option<bool>,
+    /// Whether the legs passed through each other after the push.
+    overlapped: bool,
 }
 
 impl Push {
@@ -162,6 +165,7 @@ impl Push {
             meter: Meter::new(hz),
             before: Vec::new(),
             recovered: None,
+            overlapped: false,
         }
     }
 
@@ -170,12 +174,18 @@ impl Push {
         self.recovered == Some(true)
     }
 
+    /// Whether the push ended in legs that passed through each other.
+    pub fn overlapped(&self) -> bool {
+        self.overlapped
+    }
+
     /// The desired velocity and how the robot walked before the push: one record for each time it stood up.
     pub fn before(self) -> ([f64; 3], Vec<Record>) {
         (self.command, self.before)
     }
 
     fn fall(&mut self, seen: &Seen<'_>) {
+        self.overlapped = self.since.is_some() && seen.ended.is_some_and(|episode| episode.end == End::Overlap);
         if self.since.is_none() {
             self.before.push(self.meter.record(seen));
             self.timing = Timing::new(self.share, seen.shared.config.engine.control_hz);

@@ -178,6 +178,8 @@ pub struct TaskConfig {
     pub max_pitch: f64,
     /// End the episode when the legs overlap.
     pub end_on_overlap: bool,
+    /// Legs that come this close count as overlapping, m.
+    pub overlap_margin: f64,
 }
 
 /// Section `[reward]` (thesis 7.3.3).

@@ -133,6 +133,11 @@ impl EnvConfig {
             "task.max_pitch",
             "above 0 and at most pi/2 rad".into(),
         );
+        require(
+            (0.0..=0.1).contains(&t.overlap_margin),
+            "task.overlap_margin",
+            "0 to 0.1 m".into(),
+        );
         let r = &self.reward;
         for (value, key) in [
             (r.velocity_weight, "reward.velocity_weight"),

@@ -25,13 +25,13 @@ struct Part {
 }
 
 impl Overlap {
-    /// Every pair of shapes of the robot's overlap pairs.
-    pub fn new(robot: &Robot) -> Self {
+    /// Every pair of shapes of the robot's overlap pairs, which count as overlapping from `margin` m apart.
+    pub fn new(robot: &Robot, margin: f64) -> Self {
         let mut pairs = Vec::new();
         for &(a, b) in &robot.overlap_pairs {
             for left in &robot.links[a].shapes {
                 for right in &robot.links[b].shapes {
-                    pairs.push([Part::new(a, left), Part::new(b, right)]);
+                    pairs.push([Part::new(a, left, margin / 2.0), Part::new(b, right, margin / 2.0)]);
                 }
             }
         }
@@ -62,8 +62,15 @@ fn overlap(a: &Part, a_link: &IsometryMatrix3<f64>, b: &Part, b_link: &IsometryM
 }
 
 impl Part {
-    fn new(link: usize, shape: &Shape) -> Self {
-        let (shared, radius) = match shape.geometry {
+    /// `shape` on link `link`, larger by `coat` m on every side.
+    fn new(link: usize, shape: &Shape, coat: f64) -> Self {
+        let geometry = match shape.geometry {
+            Geometry::Box(half) => Geometry::Box(half.add_scalar(coat)),
+            Geometry::Sphere(radius) => Geometry::Sphere(radius + coat),
+            Geometry::Cylinder(radius, half) => Geometry::Cylinder(radius + coat, half),
+            Geometry::Capsule(radius, half) => Geometry::Capsule(radius + coat, half),
+        };
+        let (shared, radius) = match geometry {
             Geometry::Box(half) => (SharedShape::cuboid(half.x, half.y, half.z), half.norm()),
             Geometry::Sphere(radius) => (SharedShape::ball(radius), radius),
             // A cylinder counts with round caps: cheaper, and a little cautious at its ends.
@@ -75,7 +82,7 @@ impl Part {
         Self {
             link,
             pose: with_matrix(&shape.pose),
-            geometry: shape.geometry,
+            geometry,
             shape: shared,
             radius,
         }
@@ -120,7 +127,22 @@ mod tests {
             _ => Geometry::Capsule(0.05, 0.15),
         };
         let pose = Isometry3::new(Vector3::new(0.02, -0.01, 0.03), Vector3::new(0.1, 0.4, -0.3));
-        Part::new(0, &Shape { pose, geometry })
+        Part::new(0, &Shape { pose, geometry }, 0.0)
+    }
+
+    #[test]
+    fn shapes_within_the_margin_count_as_overlapping() {
+        let sphere = Geometry::Sphere(0.1);
+        let apart = |gap: f64, margin: f64| {
+            let [a, b] = [0.0, 0.2 + gap].map(|x| {
+                let pose = Isometry3::translation(x, 0.0, 0.0);
+                Part::new(0, &Shape { pose, geometry: sphere }, margin / 2.0)
+            });
+            let still = with_matrix(&Isometry3::identity());
+            !overlap(&a, &still, &b, &still)
+        };
+        assert!(apart(0.001, 0.0) && !apart(-0.001, 0.0));
+        assert!(apart(0.011, 0.01) && !apart(0.009, 0.01));
     }
 
     proptest! {

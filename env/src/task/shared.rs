@@ -70,7 +70,7 @@ impl Shared {
             soles: robot.feet.iter().map(SoleShape::new).collect(),
             tilt: [config.task.max_roll, config.task.max_pitch].map(f64::sin),
             pose_joints: pose_joints(&robot, &config.reward.pose_joints)?,
-            overlap: Overlap::new(&robot),
+            overlap: Overlap::new(&robot, config.task.overlap_margin),
             weight: robot.mass() * GRAVITY,
             nominal: nominal_world(&robot, config),
             ground: Ground::new(&config.ground),

@@ -34,7 +34,7 @@ impl<'r> Limits<'r> {
     pub fn new(robot: &'r Robot) -> Self {
         let mut limits = Self {
             robot,
-            overlap: Overlap::new(robot),
+            overlap: Overlap::new(robot, 0.0),
             middles: (0..robot.policy.len()).map(|i| middle(robot.policy_joint(i))).collect(),
             gravity: Vec::new(),
             inertia: Vec::new(),
