@@ -181,6 +181,10 @@ impl Controller {
             command: self.judge_command(desired),
             late: 0.0,
         };
+        if self.begun && now < self.last {
+            // A clock that went back, against what was agreed: times before are worth nothing.
+            (self.begun, self.since) = (false, now);
+        }
         if self.begun && now < self.due.saturating_sub(self.period / 2) {
             status.fault = Some(Fault::OverRate);
             targets.copy_from_slice(&self.targets);
@@ -205,13 +209,23 @@ impl Controller {
     /// Notes the step and when the next is due; returns how late this one is, s.
     fn schedule(&mut self, now: u64) -> f32 {
         let late = now.saturating_sub(self.due);
+        let pause = now.saturating_sub(self.last);
         self.last = now;
-        let in_time = self.begun && late <= self.period / 2;
-        // Kept from step to step, so that a loop that runs a little too fast is noticed as well.
-        let base = if in_time { self.due } else { now };
-        self.due = base.saturating_add(self.period);
         let first = !core::mem::replace(&mut self.begun, true);
-        if first || in_time { 0.0 } else { late as f32 * 1e-9 }
+        if first || late > self.period / 2 && pause <= self.period + self.period / 16 {
+            // It keeps the pace, on a beat of its own.
+            self.due = now.saturating_add(self.period);
+            return 0.0;
+        }
+        // The beat is kept from step to step, so that a loop that runs a little too fast is noticed, and over a step that is late,
+        // because many loops make the next on their own beat again.
+        let missed = if late > self.period / 2 { late / self.period } else { 0 };
+        self.due = self.due.saturating_add((missed + 1).saturating_mul(self.period));
+        if late > self.period / 2 {
+            late as f32 * 1e-9
+        } else {
+            0.0
+        }
     }
 
     fn find_fault(&mut self, now: u64, measured: u64, sensors: &Sensors) -> Option<Fault> {
@@ -239,6 +253,8 @@ impl Controller {
             Mode::Walking | Mode::Holding => self.mode = Mode::Walking,
             // What was begun is finished: the policy starts from the pose it knows.
             Mode::Ramping => self.ramp(now, self.period),
+            // A servo that is off, or hangs somewhere, does not go where it is told.
+            Mode::Resting if !self.walker.spec().is_near_nominal(sensors.position) => self.since = now,
             Mode::Resting if now.saturating_sub(self.since) >= nanoseconds(RECOVERY_SECONDS) => {
                 self.walker.reset(self.reset_phase());
                 self.mode = Mode::Walking;

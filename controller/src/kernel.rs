@@ -18,6 +18,9 @@ pub(crate) const PANEL: usize = 64;
 /// Outputs of a panel of what is left.
 const NARROW: usize = 16;
 
+/// Numbers in a line of the cache.
+const LINE: usize = 16;
+
 /// How far ahead weights are asked for, bytes: what is read while the second-level cache answers.
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 const AHEAD: usize = 2048;
@@ -77,6 +80,8 @@ pub(crate) struct Panels {
     outputs: usize,
     /// Panels of `inputs x PANEL`, then of `inputs x NARROW`, the last one filled up with zeros.
     weights: Vec<f32>,
+    /// Where they begin: no register's load lies across two lines of the cache, unless the layer was cloned.
+    start: usize,
     /// Filled up likewise.
     bias: Vec<f32>,
     finish: Finish,
@@ -88,11 +93,12 @@ impl Panels {
         let outputs = bias.len();
         let padded = outputs.next_multiple_of(NARROW);
         let wide = padded - padded % PANEL;
-        let mut panels = vec![0.0; inputs * padded];
+        let mut panels = vec![0.0; inputs * padded + LINE];
+        let start = panels.as_ptr().align_offset(size_of::<f32>() * LINE).min(LINE);
         for (output, row) in weights.chunks_exact(inputs).enumerate() {
             let width = if output < wide { PANEL } else { NARROW };
             let first = output - output % width;
-            let panel = &mut panels[first * inputs..];
+            let panel = &mut panels[start + first * inputs..];
             for (input, &weight) in row.iter().enumerate() {
                 panel[input * width + output % width] = weight;
             }
@@ -103,6 +109,7 @@ impl Panels {
             inputs,
             outputs,
             weights: panels,
+            start,
             bias: filled,
             finish,
         }
@@ -177,7 +184,7 @@ fn tiles<const WIDTH: usize, const TILE: usize, const PANELS: usize, const FMA: 
     output: &mut [f32],
 ) {
     let weights = firsts.map(|first| {
-        let panel = &layer.weights[first * layer.inputs..][..WIDTH * layer.inputs];
+        let panel = &layer.weights[layer.start + first * layer.inputs..][..WIDTH * layer.inputs];
         panel.as_chunks::<WIDTH>().0
     });
     for within in (0..WIDTH).step_by(TILE) {

@@ -184,6 +184,13 @@ impl Spec {
         self.joints.len()
     }
 
+    /// Whether every joint (rad or m, in the policy's order) is within a quarter of its range of the nominal pose: as near as joints
+    /// that carry a load come, and nearer than those that did not go there.
+    pub(crate) fn is_near_nominal(&self, position: &[f32]) -> bool {
+        let mut joints = self.joints.iter().zip(position);
+        joints.all(|(joint, position)| libm::fabsf(position - joint.nominal) <= 0.25 * (joint.upper - joint.lower))
+    }
+
     /// Length of an observation block.
     pub fn block_len(&self, block: Block) -> usize {
         match block {

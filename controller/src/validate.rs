@@ -43,6 +43,12 @@ pub enum SpecError {
         /// How many there may be.
         most: usize,
     },
+    /// A joint without a name, or with one that no robot can give.
+    #[error("a joint is called {joint:?}: names have at least one character and no control characters")]
+    Name {
+        /// The name.
+        joint: String,
+    },
     /// Two joints share a name, so readings by name would be ambiguous.
     #[error("joint `{joint}` appears twice")]
     DuplicateJoint {
@@ -187,6 +193,11 @@ impl Spec {
         for (i, joint) in self.joints.iter().enumerate() {
             if self.joints[..i].iter().any(|other| other.name == joint.name) {
                 return Err(SpecError::DuplicateJoint {
+                    joint: joint.name.clone(),
+                });
+            }
+            if joint.name.is_empty() || joint.name.chars().any(char::is_control) {
+                return Err(SpecError::Name {
                     joint: joint.name.clone(),
                 });
             }

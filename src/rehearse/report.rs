@@ -127,6 +127,15 @@ impl Report {
             format!("p50 {p50:.2}, p90 {p90:.2}, p99 {p99:.2}, largest {max:.2}")
         };
         let [x, y, turn] = self.velocity();
+        let walk = if self.walk.estimator.1 > 0 {
+            format!(
+                "walking, on average {x:.3} m/s forward, {y:.3} m/s left, {turn:.3} rad/s\n\
+                 estimated velocity of the base: {:.3} m/s root mean square error",
+                self.estimator_error()
+            )
+        } else {
+            "it never walked; the faults say why".to_owned()
+        };
         let outcome = match self.fell {
             Some(time) => format!("the robot fell after {time:.1} s"),
             None => "the robot did not fall".to_owned(),
@@ -147,8 +156,7 @@ impl Report {
              step of the controller, us: {}\n\
              longest silence of the controller: {:.3} s\n\
              modes: {}; faults: {}; out of range {}\n\
-             {outcome}; walking, on average {x:.3} m/s forward, {y:.3} m/s left, {turn:.3} rad/s\n\
-             estimated velocity of the base: {:.3} m/s root mean square error\n",
+             {outcome}; {walk}\n",
             self.seconds,
             self.readings,
             self.commands,
@@ -164,7 +172,6 @@ impl Report {
             modes.join(", "),
             faults.join(", "),
             self.out_of_range,
-            self.estimator_error(),
         )
     }
 }

@@ -167,8 +167,16 @@ impl fmt::Display for Sentence<'_> {
         }
         if status.late > 0.0 {
             write!(f, "{between}the step came {:.3} s late", status.late)?;
+            between = "; ";
         }
-        Ok(())
+        match status.mode {
+            Mode::Walking | Mode::Holding => Ok(()),
+            Mode::Ramping => write!(f, "{between}the targets move to the nominal pose"),
+            Mode::Resting => write!(
+                f,
+                "{between}waiting in the nominal pose for good readings and for joints to be there"
+            ),
+        }
     }
 }
 

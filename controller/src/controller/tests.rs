@@ -214,6 +214,48 @@ fn a_late_step_is_made_and_said_to_be_late() {
 }
 
 #[test]
+fn after_a_late_step_a_loop_may_go_on_on_its_old_beat_or_on_a_new_one() {
+    // Late by 0.9 of a period, the next again on the beat of before.
+    let mut robot = Robot::new();
+    robot.good();
+    assert!(robot.step(PERIOD * 19 / 10, 0, [0.1, 0.0, 0.0]).late > 0.02);
+    assert_eq!(robot.step(PERIOD / 10, 0, [0.1, 0.0, 0.0]).fault, None);
+    assert!((0..50).all(|_| robot.good().is_ok()));
+    // The same, but a whole period after it.
+    let mut robot = Robot::new();
+    robot.good();
+    assert!(robot.step(PERIOD * 19 / 10, 0, [0.1, 0.0, 0.0]).late > 0.02);
+    assert!((0..50).all(|_| robot.good().is_ok()));
+    // A tenth too slow is told, if not in every step.
+    let late = (0..50).filter(|_| robot.step(PERIOD * 11 / 10, 0, [0.1, 0.0, 0.0]).late > 0.0);
+    assert!(late.count() >= 5);
+}
+
+#[test]
+fn a_clock_that_goes_back_starts_the_schedule_anew() {
+    let mut robot = Robot::new();
+    robot.good();
+    robot.now = u64::MAX - 2 * PERIOD;
+    robot.good();
+    robot.now = 0;
+    let last = (0..400).map(|_| robot.good()).last().expect("steps");
+    assert!(last.is_ok(), "{last:?}");
+}
+
+#[test]
+fn a_robot_whose_joints_did_not_follow_does_not_walk() {
+    let mut robot = Robot::new();
+    let away: Vec<f32> = robot.controller.spec().joints.iter().map(|joint| joint.upper).collect();
+    robot.controller.take_over(&away).expect("sound positions");
+    robot.position = away.clone();
+    let last = (0..600).map(|_| robot.good()).last().expect("steps");
+    assert_eq!((last.mode, last.fault), (Mode::Resting, None));
+    robot.position = robot.nominal();
+    let last = (0..40).map(|_| robot.good()).last().expect("steps");
+    assert!(last.is_ok(), "{last:?}");
+}
+
+#[test]
 fn after_a_pause_the_robot_goes_to_the_nominal_pose_before_it_walks() {
     let mut robot = Robot::new();
     robot.position.iter_mut().for_each(|q| *q += 0.1);
