@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn a_robot_that_nothing_topples_is_not_pushed_for_ever() {
         let mut cells = [cell(Direction::Right)];
-        climb(&mut cells, |_, open| Ok(vec![10; open.len()])).unwrap();
+        climb(&mut cells, |_, open| Ok(vec![(10, 0); open.len()])).unwrap();
         assert_eq!(cells[0].all(), MOST_STEPS as f64 * STEP);
     }
 }
