@@ -168,7 +168,7 @@ fn files(folder: &Path) {
     );
     succeeds(folder, &["report", "run"]);
     inspects(folder, "run/learning.png", &["picture: ", " pixels"]);
-    inspects(folder, "run/report.html", &["report: ", "with 3 pictures"]);
+    inspects(folder, "run/report.html", &["report: ", "with 4 pictures"]);
     for path in contents(&folder.join("run")).into_keys() {
         succeeds(folder, &["inspect", &path.display().to_string()]);
     }
