@@ -9,8 +9,9 @@
 //! ```
 //!
 //! A fault is a reading that is stale, not finite or that no working sensor gives ([`Fault::Absurd`]), or a fall; after a fall
-//! only [`Controller::reset`] leads back to walking. A pause of more than HOLD_SECONDS between two steps leads to the ramp as
-//! well: the servos held the last targets for as long. Readings that no fault tells from good ones are bounded to what training
+//! only [`Controller::reset`] and [`Controller::take_over`] lead back to walking. Resting goes on while a joint is farther from the
+//! nominal pose than a quarter of its range: it did not follow. A pause of more than HOLD_SECONDS between two steps leads to the
+//! ramp as well: the servos held the last targets for as long. Readings that no fault tells from good ones are bounded to what training
 //! saw before the policy sees them. Targets are finite and within the joint limits in every state and for every input.
 
 mod readings;
@@ -181,8 +182,8 @@ impl Controller {
             command: self.judge_command(desired),
             late: 0.0,
         };
-        if self.begun && now < self.last {
-            // A clock that went back, against what was agreed: times before are worth nothing.
+        if self.begun && now < self.last.saturating_sub(self.period) {
+            // A clock that went back, against what was agreed: times before are worth nothing. By less it is a step too soon.
             (self.begun, self.since) = (false, now);
         }
         if self.begun && now < self.due.saturating_sub(self.period / 2) {

@@ -223,7 +223,7 @@ fn finish<const TILE: usize, const FMA: bool>(how: Finish, sums: &mut [f32; TILE
 #[inline(always)]
 fn ahead(row: &[f32]) {
     #[cfg(all(feature = "std", target_arch = "x86_64"))]
-    for line in row.as_chunks::<16>().0 {
+    for line in row.as_chunks::<LINE>().0 {
         use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         // SAFETY: a hint reads nothing and no address is wrong for it.
         unsafe {
