@@ -121,13 +121,13 @@ impl Actuators {
     }
 
     /// Gives degree of freedom `d` of `world`, which was started, a past: `past(age)` says what was commanded (target in rad or
-    /// m, effort in N m or N) and where the joint was (rad or m) `age` physics steps before its first step. Only delays look
-    /// that far back.
-    pub fn recall(&mut self, d: usize, world: usize, effort: bool, past: impl Fn(usize) -> (f64, f64)) {
+    /// m, effort in N m or N) and where the joint was (rad or m) `age` physics steps before its first step, at most `known`.
+    /// Delays and rate limits look back.
+    pub fn recall(&mut self, d: usize, world: usize, effort: bool, known: usize, past: impl Fn(usize) -> (f64, f64)) {
         let k = d * self.worlds + world;
         if let Some(effects) = self.effects_mut(k) {
             effects.told.effort = effort;
-            effects.model.recall(&mut effects.memory, past);
+            effects.model.recall(&mut effects.memory, known, past);
             effects.reading = effects.model.delayed_reading(&effects.memory);
         }
     }

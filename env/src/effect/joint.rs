@@ -142,16 +142,33 @@ impl Model {
     }
 
     /// Fills a memory whose joint was started with what was before: `past(age)` gives command and position `age` steps before
-    /// the first step.
-    pub fn recall(&self, memory: &mut Memory, past: impl Fn(usize) -> (f64, f64)) {
+    /// the first step, `known` steps back at most.
+    pub fn recall(&self, memory: &mut Memory, known: usize, past: impl Fn(usize) -> (f64, f64)) {
         // The next command is pushed before it is looked at, the reading of the start was pushed already.
         for (i, target) in memory.targets.0.iter_mut().enumerate() {
-            *target = self.command.rounded(past(i + 1).0);
+            *target = self.command.rounded(past((i + 1).min(known)).0);
         }
         for (age, reading) in memory.readings.0.iter_mut().enumerate().skip(1) {
-            *reading = self.sensor.read(past(age).1);
+            *reading = self.sensor.read(past(age.min(known)).1);
         }
-        memory.followed = memory.targets.delayed(self.command.delay);
+        memory.followed = if self.command.rate.is_finite() {
+            self.followed(known, past)
+        } else {
+            memory.targets.delayed(self.command.delay)
+        };
+    }
+
+    /// Where the rate limiter's target is before the first step: `known` steps earlier it was where the joint was.
+    fn followed(&self, known: usize, past: impl Fn(usize) -> (f64, f64)) -> f64 {
+        let command = |age: usize| self.command.rounded(past(age.min(known)).0);
+        let whole = self.command.delay as usize;
+        let share = self.command.delay - whole as f64;
+        let mut followed = self.sensor.read(past(known).1) / self.command.gain;
+        for age in (1..=known).rev() {
+            let (younger, older) = (command(age + whole), command(age + whole + 1));
+            self.command.follow(younger + share * (older - younger), &mut followed);
+        }
+        followed
     }
 
     /// The drive of the next step of a joint at `position` with `velocity`, under what the servo was `told` and the torque

@@ -149,17 +149,19 @@ const LADDER: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
 /// Starts that are followed for a step before the best is fitted.
 const FOLLOWED: usize = 3;
 
-/// Fits `model` with the candidate beside it, from the start that is best after a step. What is on other joints is held:
-/// it is fitted again when the candidate is taken.
+/// Fits `model` with the candidate beside it, from the start that is best after a step; starts have the re-tuned values and the
+/// nominal ones beside them. What is on other joints is held: it is fitted again when the candidate is taken.
 pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Fit {
     let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
     let with = |term: &Term| {
         let mut model = model.clone();
         model.terms.push(term.clone());
         model.hold_others(robot, joint);
-        model
+        let mut straight = model.clone();
+        straight.straighten(joint);
+        [model, straight]
     };
-    let mut starts: Vec<Model> = candidate.starts.iter().map(with).collect();
+    let mut starts: Vec<Model> = candidate.starts.iter().flat_map(with).collect();
     if starts.len() > 1 {
         let at_start = data.losses(&starts);
         let mut order: Vec<usize> = (0..starts.len()).collect();

@@ -9,8 +9,8 @@ use super::fit::{Data, total};
 use super::model::{Model, Term};
 use super::noise;
 use super::scales::Scales;
-use super::select::{ABOVE_FLOOR, Selection};
-use super::torque::{self, Dependence, Form, Moment};
+use super::select::{Selection, is_above};
+use super::torque::{self, Dependence, Form, MOTOR_TORQUE, Moment};
 
 /// Starts of a ripple's fit.
 const RIPPLES: usize = 3;
@@ -25,6 +25,10 @@ pub const COARSE: f64 = 0.1;
 pub const TOO_COARSE: f64 = 0.3;
 /// Least fall of the loss by a measured table.
 const WORTH: f64 = 0.05;
+/// A joint's residual is negligible below this share of what its servo gives way under its own torque: friction that builds up
+/// over a hair's breadth and motors that answer a fraction of a millisecond later, which every machine has, leave some two
+/// hundredths.
+const NEGLIGIBLE: f64 = 0.04;
 
 /// What noise and integration leave, by degree of freedom, rad or m.
 pub struct Floor {
@@ -34,6 +38,8 @@ pub struct Floor {
     pub integration: Vec<f64>,
     /// Spread of repeats, where there are any.
     pub repeats: Vec<Option<f64>>,
+    /// Beyond that, what is too little to be an effect that is missing.
+    pub negligible: Vec<f64>,
     weights: Vec<f64>,
 }
 
@@ -42,9 +48,15 @@ impl Floor {
     ///
     /// # Errors
     /// When an engine does not take the robot.
-    pub fn new(data: &Data, model: &Model) -> Result<Self, EngineError> {
+    pub fn new(data: &Data, model: &Model, scales: &Scales) -> Result<Self, EngineError> {
         let dofs = 0..data.weights.len();
+        let moments = torque::lacking(data, model, scales)?;
         Ok(Self {
+            negligible: moments
+                .iter()
+                .zip(dofs.clone())
+                .map(|(own, d)| NEGLIGIBLE * deflection(data, model, d, own))
+                .collect(),
             sensor: dofs.clone().map(|d| noise::sensor(&data.trials, d)).collect(),
             integration: noise::discretisation(data, model)?,
             repeats: dofs.map(|d| noise::repeats(&data.trials, d)).collect(),
@@ -64,12 +76,40 @@ impl Floor {
         readings.map(|r| (self.weights[r.dof] * self.of(r.dof)).powi(2)).sum()
     }
 
+    /// Weighted sum of squares of what is negligible beyond that.
+    pub fn negligible_squares(&self, data: &Data) -> f64 {
+        let readings = data.trials.iter().flat_map(|trial| &trial.readings);
+        readings
+            .map(|r| (self.weights[r.dof] * self.negligible[r.dof]).powi(2))
+            .sum()
+    }
+
     /// Weighted root mean square over the degrees of freedom.
     pub fn root(&self) -> f64 {
         let n = self.weights.len().max(1) as f64;
         let squares = (0..self.weights.len()).map(|d| (self.weights[d] * self.of(d)).powi(2));
         (squares.sum::<f64>() / n).sqrt()
     }
+}
+
+/// How far the servo of degree of freedom `d` gives way under the torque it gives, root mean square, rad or m; 0 where
+/// torques are commanded, so that nothing pulls the joint to where it should be.
+fn deflection(data: &Data, model: &Model, d: usize, moments: &[Moment]) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0_f64);
+    let stiffness = |log: usize| {
+        let t = data.trials.iter().position(|trial| trial.log == log)?;
+        let actuator = model.robot(&data.robots[t]).dof(d).actuator?;
+        (!data.trials[t].told[d].effort && actuator.stiffness() > 0.0).then(|| actuator.stiffness())
+    };
+    let logs = 1 + data.trials.iter().map(|trial| trial.log).max().unwrap_or(0);
+    let stiffnesses: Vec<Option<f64>> = (0..logs).map(stiffness).collect();
+    for moment in moments {
+        if let Some(stiffness) = stiffnesses[moment.log] {
+            squares += (moment.values[MOTOR_TORQUE] / stiffness).powi(2);
+        }
+        count += 1.0;
+    }
+    (squares / count.max(1.0)).sqrt()
 }
 
 /// One over the root mean square residual of each degree of freedom under `model`.
@@ -152,9 +192,10 @@ pub fn leftover(
 ) -> Result<Leftover, EngineError> {
     let model = &selection.last.model;
     let (refit, last) = (total(&selection.refit_cross), total(&selection.cross));
+    let negligible = floor.negligible_squares(data);
     let floor = floor.squares(data);
     let fraction = ((last - floor) / (refit - floor).max(1e-12 * refit)).clamp(0.0, 1.0);
-    let remains = last > ABOVE_FLOOR * floor && (model.terms.is_empty() || fraction > SHARE_LEFT);
+    let remains = is_above(last, floor, negligible) && (model.terms.is_empty() || fraction > SHARE_LEFT);
     let fold = |block: usize| folds.of_block[block];
     let mut joints = Vec::new();
     for (dof, moments) in torque::lacking(data, model, scales)?.into_iter().enumerate() {

@@ -169,6 +169,7 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
             scales: &scales,
             folds: &folds,
             floor: floor.squares(&data),
+            negligible: floor.negligible_squares(&data),
             rivals: None,
             ripples: &ripples,
             coarse: &|_| false,
@@ -263,7 +264,7 @@ fn steps(
 ) -> Result<Choice, EngineError> {
     data.weights = leftover::weights(data, tuned);
     let data = &*data;
-    let floor = Floor::new(data, tuned)?;
+    let floor = Floor::new(data, tuned, scales)?;
     log(&format!(
         "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",
         leftover::root(data, tuned),
@@ -279,6 +280,7 @@ fn steps(
         scales,
         folds,
         floor: floor.squares(data),
+        negligible: floor.negligible_squares(data),
         rivals,
         ripples: &ripples,
         coarse: &coarse,

@@ -201,6 +201,15 @@ impl Model {
         }
     }
 
+    /// Sets what is re-tuned back to its nominal value, on degree of freedom `dof` or everywhere.
+    pub fn straighten(&mut self, dof: Option<usize>) {
+        let own = |tuned: &&mut Tuned| dof.is_none_or(|dof| dof == tuned.dof);
+        self.tuned
+            .iter_mut()
+            .filter(own)
+            .for_each(|tuned| tuned.value = tuned.nominal);
+    }
+
     /// Whether the effect `kind` on `target` is among the terms.
     pub fn has(&self, kind: Kind, target: usize) -> bool {
         self.terms.iter().any(|term| (term.kind, term.target) == (kind, target))

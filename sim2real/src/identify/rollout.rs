@@ -47,7 +47,7 @@ impl<'a> Rollout<'a> {
             let mut start = Start::nominal(robot);
             let late: Vec<usize> = (0..dofs).map(|d| lateness(robot, d)).collect();
             for (d, states) in trial.initial.iter().enumerate() {
-                let (reading, velocity) = states[late[d]];
+                let (reading, velocity) = states[trial.begin() + late[d]];
                 start.joints[d] = true_position(robot, d, reading);
                 start.joint_velocities[d] = velocity;
             }
@@ -58,10 +58,11 @@ impl<'a> Rollout<'a> {
                 let past = |age: usize| {
                     let age = (age as f64 * dt / DT).round() as usize;
                     let told = told.past[age.clamp(1, told.past.len()) - 1];
-                    let (reading, _) = trial.initial[d][late[d].saturating_sub(age)];
+                    let (reading, _) = trial.initial[d][trial.begin() + late[d] - age];
                     (told, true_position(robot, d, reading))
                 };
-                actuators.recall(d, w, told.effort, past);
+                let known = (LEAD / dt).round() as usize;
+                actuators.recall(d, w, told.effort, known, past);
             }
         }
         Ok(Self {

@@ -22,7 +22,9 @@ const WORTH: f64 = 0.02;
 /// The same as a share of what noise and integrator leave to be explained.
 const WORTH_OF_GAP: f64 = 0.05;
 /// What is left is more than noise when the loss is so many times the floor's.
-pub const ABOVE_FLOOR: f64 = 1.5;
+const ABOVE_FLOOR: f64 = 1.5;
+/// Where all that is left is negligible an effect must take this share of it.
+const WORTH_OF_LITTLE: f64 = 0.5;
 /// Effects are told apart when the difference is this unlikely by chance ...
 const APART: f64 = 0.02;
 /// ... and at least this share of the loss.
@@ -103,6 +105,8 @@ pub struct Selector<'a> {
     pub folds: &'a Folds,
     /// Weighted loss that noise and the integrator leave.
     pub floor: f64,
+    /// Weighted loss beyond the floor that is too little for an effect to be missing.
+    pub negligible: f64,
     /// Effects that may take another's place; all when `None`.
     pub rivals: Option<&'a [(Kind, usize)]>,
     /// Where ripples may start, by a model's residual.
@@ -157,16 +161,33 @@ impl Selector<'_> {
         Judged { fit, cross }
     }
 
-    /// Fits all of `model`.
+    /// Fits all of `model`, from its values and from the nominal ones of what is re-tuned: what bent to make up for an effect
+    /// that was missing need not find its way back.
     fn fit(&self, model: &Model) -> Judged {
         let mut model = model.clone();
         model.hold_others(self.robot, None);
-        self.judge(self.data.fit(&model, self.scales, &|_| true))
+        let judged = self.judge(self.data.fit(&model, self.scales, &|_| true));
+        if model.terms.is_empty() {
+            return judged;
+        }
+        model.straighten(None);
+        let again = self.judge(self.data.fit(&model, self.scales, &|_| true));
+        if total(&again.fit.losses) < total(&judged.fit.losses) {
+            again
+        } else {
+            judged
+        }
     }
 
     fn worth(&self, before: &[Loss], gain: &Gain) -> bool {
         let loss = total(before);
-        gain.share >= WORTH && gain.share * loss >= WORTH_OF_GAP * (loss - self.floor)
+        let gap = loss - self.floor;
+        let least = if gap > self.negligible {
+            WORTH_OF_GAP
+        } else {
+            WORTH_OF_LITTLE
+        };
+        gain.share >= WORTH && gain.share * loss >= least * gap
     }
 
     /// Runs all steps from the re-tuned `nominal` with the effects of `first`; `log` hears of progress.
@@ -250,11 +271,7 @@ impl Selector<'_> {
         let Some(next) = chosen else {
             return false;
         };
-        steps.now = if self.robot.dofs.len() > 1 {
-            self.fit(&next.fit.model)
-        } else {
-            next
-        };
+        steps.now = self.fit(&next.fit.model);
         steps.known.push((terms(&steps.now.fit.model), steps.now.clone()));
         self.drop_needless(steps);
         true
@@ -478,6 +495,11 @@ impl Selector<'_> {
             "needless beside what was accepted".to_owned()
         }
     }
+}
+
+/// Whether `loss` is more than noise, and more than what is `negligible` beside it.
+pub fn is_above(loss: f64, floor: f64, negligible: f64) -> bool {
+    loss > ABOVE_FLOOR * floor && loss > floor + negligible
 }
 
 /// Numbers of the effects that are fitted.

@@ -34,6 +34,9 @@ pub struct Moment {
     pub values: Vec<f64>,
 }
 
+/// Index of the motor's torque among [`names`].
+pub const MOTOR_TORQUE: usize = 3;
+
 /// What the torque may depend on, in the order of [`Moment::values`].
 pub fn names(trial: &Trial, dof: usize) -> Vec<String> {
     let own = ["position", "velocity", "target", "torque", "acceleration", "time"].map(str::to_owned);

@@ -102,8 +102,9 @@ pub struct Trial {
     pub told: Vec<Told>,
     /// In the order of time; readings that are compared.
     pub readings: Vec<Reading>,
-    /// Positions and velocities of the degrees of freedom as measured, at every step from the start until 0.15 s after it: a
-    /// reading that is late shows the start that much later.
+    /// Positions and velocities of the degrees of freedom as measured, at every step from 0.15 s before the start
+    /// ([`Trial::begin`] steps) until 0.15 s after it: a reading that is late shows the start that much later, and a joint that
+    /// is slow to follow is on its way since before.
     pub initial: Vec<Vec<(f64, f64)>>,
     /// Measured position at every step, linear between readings.
     pub measured: Vec<Vec<f64>>,
@@ -195,6 +196,11 @@ impl Trial {
                 .map(|(joint, name, series)| (joint, name, linear(series, &times)))
                 .collect(),
         }
+    }
+
+    /// Index of the start in `initial`.
+    pub fn begin(&self) -> usize {
+        steps(LEAD)
     }
 
     /// Time of a reading in the log, s.
@@ -296,10 +302,10 @@ fn held(series: &Series, before: f64, times: &[f64]) -> Vec<f64> {
     times.iter().map(&mut mean).collect()
 }
 
-/// Positions and velocities at every step from `start` until [`LEAD`] after it.
+/// Positions and velocities at every step from [`LEAD`] before `start` until [`LEAD`] after it.
 fn states(series: &Series, start: f64) -> Vec<(f64, f64)> {
-    (0..=steps(LEAD))
-        .map(|k| state(series, start + k as f64 * DT))
+    (0..=2 * steps(LEAD))
+        .map(|k| state(series, start - LEAD + k as f64 * DT))
         .collect()
 }
 

@@ -68,6 +68,15 @@ fn a_limit_of_the_target_s_speed_is_found() {
 }
 
 #[test]
+fn a_target_that_never_catches_up_is_simulated_from_where_it_was() {
+    // Half a rad/s behind targets that go at several: what is off at the start of a rollout would stay off.
+    let truth = rig(&[(Kind::CommandRateLimit, &[0.5])]);
+    let replay = omniwalk_sim2real::identify::replay(&truth, &logs(&truth, 3, 0)).expect("a replay");
+    let error = replay.measure.overall();
+    assert!(error < 2.0 * rig::NOISE, "{error}");
+}
+
+#[test]
 fn delays_of_command_and_reading_are_named_together() {
     let truth = rig(&[(Kind::CommandDelay, &[0.02])]);
     let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));

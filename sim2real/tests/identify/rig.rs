@@ -18,7 +18,7 @@ const EVERY: usize = 50;
 /// Length of a log, s.
 const SECONDS: f64 = 4.0;
 /// Noise of the encoder, rad.
-const NOISE: f64 = 5e-4;
+pub const NOISE: f64 = 5e-4;
 
 const URDF: &str = r#"<robot name="rig"><link name="base"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <link name="arm"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
