@@ -145,6 +145,27 @@ fn runs_without_rollouts_are_drawn_over_each_other() {
 }
 
 #[test]
+fn a_run_that_came_apart_is_named_above_its_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("torn"), "[train]\nseed = 1\n").unwrap();
+    let mut metrics = MetricsWriter::create(&run.metrics(), &["reward/total", "ppo/kl"]).unwrap();
+    for update in 1..20u64 {
+        let kl = if update > 15 { 0.7 } else { 0.01 };
+        metrics.append(3200 * update, &[update as f64, kl]).unwrap();
+    }
+    let (code, _, err) = report(&[run.path()]);
+    assert_eq!(code, 0, "{err}");
+    let html = fs::read_to_string(run.path().join("report.html")).unwrap();
+    let (head, _) = html.split_once("<img").unwrap();
+    for part in [
+        "WARNING: torn (seed 1): diverging: the policy changed by a KL of 0.70",
+        "in 4 of 19 updates, first after 51200 steps",
+    ] {
+        assert!(head.contains(part), "{part} is not in\n{head}");
+    }
+}
+
+#[test]
 fn what_is_no_run_is_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");

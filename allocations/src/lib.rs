@@ -1,4 +1,4 @@
-//! For tests that a loop allocates nothing: a global allocator that counts.
+//! For tests: global allocators that count. [`Counting`] says that a loop allocates nothing, [`Peak`] how much was in use at once.
 //!
 //! ```
 //! #[global_allocator]
@@ -13,7 +13,7 @@
 //! # std::thread::spawn(test).join().unwrap();
 //! ```
 //!
-//! The count is of all threads but the process's first. That one is the test harness's: it allocates while it keeps
+//! [`Counting`] counts all threads but the process's first. That one is the test harness's: it allocates while it keeps
 //! its books of a test that has begun. Tests run in threads of their own; a binary that counts has a single one.
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -66,6 +66,58 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+/// The system's allocator with the bytes in use and the most there were.
+#[derive(Debug, Default)]
+pub struct Peak {
+    now: AtomicUsize,
+    most: AtomicUsize,
+}
+
+impl Peak {
+    /// With nothing in use.
+    pub const fn new() -> Self {
+        Self {
+            now: AtomicUsize::new(0),
+            most: AtomicUsize::new(0),
+        }
+    }
+
+    /// Bytes in use, from which the most begins anew.
+    pub fn begin(&self) -> usize {
+        let now = self.now.load(Ordering::Relaxed);
+        self.most.store(now, Ordering::Relaxed);
+        now
+    }
+
+    /// The most bytes that were in use at once since [`Peak::begin`], by all threads.
+    pub fn most(&self) -> usize {
+        self.most.load(Ordering::Relaxed)
+    }
+
+    fn take(&self, bytes: usize) {
+        let now = self.now.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        self.most.fetch_max(now, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: hands every call on to the system's allocator.
+unsafe impl GlobalAlloc for Peak {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        self.take(layout.size());
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        self.take(layout.size());
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        self.now.fetch_sub(layout.size(), Ordering::Relaxed);
         unsafe { System.dealloc(pointer, layout) }
     }
 }

@@ -51,6 +51,10 @@ impl Filter {
         }
     }
 
+    pub(crate) fn channels(&self) -> usize {
+        self.state.len()
+    }
+
     pub(crate) fn reset(&mut self) {
         self.started = false;
         self.state.fill([0.0; 2]);

@@ -88,6 +88,20 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
+    /// Whether every list is as long as in `own`, which was made for the same specification: what was read from a file may be another's.
+    pub fn has_shape_of(&self, own: &Self) -> bool {
+        let lengths = |pipeline: &Self| {
+            let channels = pipeline.filter.as_ref().map(Filter::channels);
+            let lists = [
+                pipeline.soles.len(),
+                pipeline.measured.len(),
+                pipeline.previous_target.len(),
+            ];
+            (lists, channels)
+        };
+        lengths(self) == lengths(own)
+    }
+
     /// A loop for `spec`, reset to clock phase 0.
     ///
     /// # Errors

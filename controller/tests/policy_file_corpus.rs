@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-#[path = "../../fuzz/src/check.rs"]
+#[path = "../../fuzz/src/policy_file.rs"]
 mod check;
 
 #[test]

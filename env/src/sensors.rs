@@ -91,6 +91,14 @@ impl History {
         }
     }
 
+    /// Whether there are as many readings of as many joints as in `own`, and the newest is one of them.
+    pub(crate) fn has_shape_of(&self, own: &Self) -> bool {
+        let joints = own.delayed.position.len();
+        let fits = |reading: &Reading| reading.position.len() == joints && reading.velocity.len() == joints;
+        let count = self.readings.len();
+        count == own.readings.len() && self.newest < count && self.readings.iter().all(fits) && fits(&self.delayed)
+    }
+
     /// Starts an episode: every reading is `first`, the latency `delay` control steps.
     pub fn reset(&mut self, delay: f64, fill: impl FnOnce(&mut Reading)) {
         self.newest = 0;

@@ -2,7 +2,4 @@
 
 #![no_main]
 
-#[path = "../src/check.rs"]
-mod check;
-
-libfuzzer_sys::fuzz_target!(|data: &[u8]| check::check(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| omniwalk_fuzz::policy_file::check(data));

@@ -101,6 +101,28 @@ def test_orders_that_are_none_are_answered_and_harm_nothing(view):
         assert drive.next("row", lambda later: later["time"] > row["time"])["z"] > 0.5
 
 
+def test_a_request_that_is_too_long_or_too_slow_is_ended_and_keeps_nobody_out(view):
+    with socket.create_connection((view.host, view.port), timeout=60) as long:
+        long.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX: " + b"x" * 100_000)
+        try:
+            answer = long.recv(100)
+        except ConnectionResetError:
+            answer = b""
+        assert answer == b"" or b" 431 " in answer
+    slow = [socket.create_connection((view.host, view.port), timeout=60) for _ in range(100)]
+    try:
+        for connection in slow:
+            connection.sendall(b"GET / HTTP/1.1\r\n")
+        # More than may be open at a time: others wait until those are ended.
+        assert status(view, "/") == 200
+        # It says why, or nothing, and hangs up.
+        answers = slow[0].recv(1000)
+        assert answers == b"" or b" 408 " in answers
+    finally:
+        for connection in slow:
+            connection.close()
+
+
 def test_rows_come_at_each_control_step(view):
     with view.drive() as drive:
         # Rows that this machine was too busy for are left out.

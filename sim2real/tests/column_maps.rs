@@ -217,3 +217,31 @@ proptest! {
         let _ = Map::parse(&Source { file: "map.toml".into(), text });
     }
 }
+
+/// A map and a file of 10 kB each, rows by columns and segments by joints, came to gigabytes.
+#[test]
+fn maps_of_very_many_columns_and_files_of_very_many_segments_are_refused() {
+    let names: Vec<String> = (0..1000).map(|i| format!("\"j{i}\"")).collect();
+    let names = names.join(",");
+    let extra: Vec<String> = (0..100).map(|i| format!("c{i}={{column=\"{{joint}}{i}\"}}")).collect();
+    let text = format!(
+        "time={{column=\"t\"}}\n[[joint]]\nnames=[{names}]\nextra={{{}}}\n",
+        extra.join(",")
+    );
+    let source = Source {
+        file: "map.toml".into(),
+        text,
+    };
+    let refused = Map::parse(&source).unwrap_err().to_string();
+    assert!(refused.contains("100000 columns"), "{refused}");
+
+    let map = map(&format!(
+        "time={{column=\"t\"}}\nsegment=\"s\"\n[[joint]]\nnames=[{names}]\n"
+    ));
+    let rows: String = (0..2000).map(|row| format!("{row},{row}\n")).collect();
+    let refused = reading("log.csv", format!("t,s\n{rows}").as_bytes(), &map).unwrap_err();
+    assert!(
+        refused.to_string().contains("2000 segments of 1000 joints"),
+        "{refused}"
+    );
+}

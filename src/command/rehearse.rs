@@ -4,6 +4,8 @@ use std::io::stdin;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -19,8 +21,9 @@ use crate::terminal::say;
 /// Runs a policy's controller in a process of its own against the simulated robot, in real time.
 ///
 /// Readings are as old when the policy acts on them as in an episode of its training; the log is the one a robot would write.
-/// Reports deadline misses, latencies and the walk. Stop or kill either process to see what happens: a controller that died is
-/// started again after a second, a robot that died leaves its log for `mcap recover`.
+/// Reports deadline misses, latencies and the walk. Ctrl-C ends it early with the report. Stop or kill either
+/// process to see what happens: a controller that died is started again after a second, a robot that died leaves its log for
+/// `mcap recover`.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Policy file.
@@ -97,7 +100,8 @@ pub fn run(args: &Args) -> miette::Result<()> {
         args.policy.display(),
         args.seconds
     ))?;
-    let mut report = robot.run(f64::from(args.seconds), || controller.tend())?;
+    let stop = interrupt()?;
+    let mut report = robot.run(f64::from(args.seconds), &stop, || controller.tend())?;
     drop(controller);
     say(format_args!("{}log: {}", report.text(), log.display()))?;
     let text = serde_json::to_string_pretty(&report.json()).into_diagnostic()? + "\n";
@@ -106,6 +110,19 @@ pub fn run(args: &Args) -> miette::Result<()> {
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot write {}", file.display()))
     })
+}
+
+/// A flag that Ctrl-C sets: the rehearsal ends with its report, its log whole. A second one ends the process.
+fn interrupt() -> miette::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    let handler = move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(handler).into_diagnostic()?;
+    Ok(stop)
 }
 
 /// The controller keeps what is asked of it within the bounds it was trained for: another velocity would not be what is

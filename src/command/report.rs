@@ -13,7 +13,7 @@ use crate::report::canvas::Canvas;
 use crate::report::curves::Curves;
 use crate::report::html::{About, page};
 use crate::report::motion::Motion;
-use crate::report::{film, gait, learning, load as loads};
+use crate::report::{film, gait, health, learning, load as loads};
 use crate::run::{RunFolder, create_folder, files_of, write_atomic};
 use crate::terminal::say;
 
@@ -142,6 +142,14 @@ fn about(run: &RunFolder) -> Result<About> {
     let mut commands = vec![format!("omniwalk train {} --run {shown}", run.config().display())];
     commands.extend(eval.as_ref().map(|eval| evaluation(&shown.to_string(), eval)));
     commands.push(format!("omniwalk report {shown}"));
+    // The robot says how many joints the entropy is of; a run that is only curves has none.
+    let robot = run.path().join("robot");
+    let joints = robot.is_dir().then(|| load::robot(&robot)).transpose()?;
+    let joints = joints.map(|robot| robot.policy.len());
+    let warnings = match run.metrics().exists() {
+        true => health::warnings(&run.metrics(), joints)?,
+        false => Vec::new(),
+    };
     let folder = run
         .path()
         .file_name()
@@ -151,6 +159,7 @@ fn about(run: &RunFolder) -> Result<About> {
         config,
         seed,
         eval,
+        warnings,
         commands,
     })
 }

@@ -26,6 +26,7 @@ use crate::terminal::say;
 use crate::view::clips::Clips;
 use crate::view::describe;
 use crate::view::drive::Drive;
+use crate::view::listen::serve as serve_page;
 use crate::view::live::Live;
 use crate::view::orders::Limits;
 use crate::view::pilot::Pilot;
@@ -123,7 +124,7 @@ async fn serve(args: &Args, show: Show, stop: Arc<AtomicBool>) -> miette::Result
         ride,
     };
     tokio::select! {
-        ended = async { axum::serve(listener, routes(served)).await } => ended.into_diagnostic()?,
+        ended = serve_page(listener, routes(served)) => ended.into_diagnostic()?,
         () = until(&stop, pilot.as_ref().map(|(pilot, _)| pilot)) => {}
     }
     stop.store(true, Ordering::Relaxed);

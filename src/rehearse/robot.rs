@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use omniwalk_env::plant::Plant;
 
@@ -82,21 +83,22 @@ impl Simulated {
         })
     }
 
-    /// Lives for `seconds` and reports. `tend` is called once a control step and gives the line to a controller that was
-    /// started in place of one that died.
+    /// Lives for `seconds`, or until `stop` is set, and reports. `tend` is called once a control step and gives the line to a
+    /// controller that was started in place of one that died.
     ///
     /// # Errors
     /// What `tend` says, and when the log cannot be written.
     pub fn run(
         mut self,
         seconds: f64,
+        stop: &AtomicBool,
         mut tend: impl FnMut() -> miette::Result<Option<Line>>,
     ) -> miette::Result<Report> {
         self.start = now();
         self.heard = self.start;
         let end = self.start + (seconds * 1e9) as u64;
         let (mut step, mut due, mut flushed) = (0u64, self.start, self.start);
-        while now() < end {
+        while now() < end && !stop.load(Ordering::Relaxed) {
             self.hear()?;
             self.deliver();
             let late = now().saturating_sub(due);
@@ -122,8 +124,9 @@ impl Simulated {
             let arrival = self.underway.front().map_or(due, |(arrival, _)| *arrival);
             sleep_until(due.min(arrival));
         }
-        self.silence(now());
-        self.report.seconds = seconds;
+        let ended = now();
+        self.silence(ended);
+        self.report.seconds = seconds.min((ended - self.start) as f64 * 1e-9);
         self.record.finish()?;
         Ok(self.report)
     }

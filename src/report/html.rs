@@ -8,7 +8,8 @@ use serde_json::Value;
 /// How pages look.
 pub const STYLE: &str = "body{font:16px/1.5 sans-serif;max-width:80rem;margin:2rem auto;padding:0 1rem;color:#282c34}\
     img{max-width:100%}table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid \
-    #ddd}pre{background:#f4f5f7;padding:1rem;overflow:auto}";
+    #ddd}pre{background:#f4f5f7;padding:1rem;overflow:auto}\
+    .warning{background:#fdecea;border-left:4px solid #c62828;padding:.5rem 1rem}";
 
 /// Columns of the evaluation tables: title and JSON pointer into a row. A table has those that one of its rows has.
 const COLUMNS: [(&str, &str); 16] = [
@@ -40,6 +41,8 @@ pub struct About {
     pub seed: Option<i64>,
     /// `eval.json`, if the run was evaluated.
     pub eval: Option<Value>,
+    /// What went wrong while it learned, a sentence each.
+    pub warnings: Vec<String>,
     /// Commands that make the run and its evaluation again.
     pub commands: Vec<String>,
 }
@@ -55,6 +58,7 @@ pub fn page(pictures: &[(&str, Vec<u8>)], runs: &[About], version: &str) -> Stri
         "<style>{STYLE}</style>\n<h1>omniwalk report</h1>\n<p>omniwalk {}</p>",
         escaped(version)
     );
+    runs.iter().for_each(|run| warnings(run, &mut out));
     for (title, png) in pictures {
         let data = BASE64_STANDARD.encode(png);
         let _ = writeln!(
@@ -65,6 +69,18 @@ pub fn page(pictures: &[(&str, Vec<u8>)], runs: &[About], version: &str) -> Stri
     }
     runs.iter().for_each(|run| about(run, &mut out));
     out + "</html>\n"
+}
+
+/// Above the pictures: whoever opens the page of a run that came apart must not have to find it out by the curves.
+fn warnings(run: &About, out: &mut String) {
+    for warning in &run.warnings {
+        let _ = writeln!(
+            out,
+            "<p class=\"warning\">WARNING: {}: {}</p>",
+            escaped(&run.name),
+            escaped(warning)
+        );
+    }
 }
 
 fn about(run: &About, out: &mut String) {

@@ -8,6 +8,7 @@ pub mod canvas;
 pub mod curves;
 pub mod film;
 pub mod gait;
+pub mod health;
 pub mod html;
 pub mod identification;
 pub mod learning;

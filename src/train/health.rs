@@ -1,5 +1,7 @@
 //! Whether a run is going wrong: numbers that are not finite, and the three ways in which a learner comes apart.
 
+use std::fmt::{self, Display};
+
 use omniwalk_env::task::episode::Fault;
 
 use super::metrics::Figure;
@@ -23,33 +25,64 @@ pub fn symptom(trainer: &Trainer, report: &Report, figures: &[Figure]) -> Option
                 .find(|(key, _)| *key == name)
                 .map_or(f64::NAN, |(_, value)| *value)
         };
-        diverging(figure, trainer.spec().action_len())
+        Symptom::of(figure, trainer.spec().action_len()).map(|symptom| symptom.to_string())
     })
 }
 
-/// What is wrong by the figures of an update of a policy of `joints` joints, as `metrics.csv` has them.
-pub fn diverging(figure: impl Fn(&str) -> f64, joints: usize) -> Option<String> {
-    let [skipped, kl, entropy, explained] =
-        ["ppo/skipped", "ppo/kl", "ppo/entropy", "ppo/explained_variance"].map(&figure);
-    if skipped > 0.0 {
-        Some(format!(
-            "{skipped} minibatches left out: a loss or gradient was not finite"
-        ))
-    } else if kl > KL {
-        Some(format!(
-            "diverging: the policy changed by a KL of {kl:.2} in one update; lower ppo.learning_rate"
-        ))
-    } else if entropy < ENTROPY * joints as f64 {
-        let each = entropy / joints as f64;
-        Some(format!(
-            "entropy collapsed to {each:.1} nats a joint: nothing is tried any more; raise ppo.entropy_weight"
-        ))
-    } else if explained < EXPLAINED && figure("update") > SETTLED {
-        Some(format!(
-            "diverging: the critic explains {explained:.1} of the returns' variance, less than a constant"
-        ))
-    } else {
-        None
+/// A way in which a learner comes apart, with the figure that says so.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Symptom {
+    /// Minibatches whose loss or gradient was not finite.
+    Skipped(f64),
+    /// Divergence of the policy in one update.
+    Torn(f64),
+    /// Entropy of the action, nats a joint.
+    Collapsed(f64),
+    /// Explained variance of the critic.
+    Blind(f64),
+}
+
+impl Symptom {
+    /// What is wrong by the figures of an update of a policy of `joints` joints, as `metrics.csv` has them.
+    pub fn of(figure: impl Fn(&str) -> f64, joints: usize) -> Option<Self> {
+        let [skipped, kl, entropy, explained] =
+            ["ppo/skipped", "ppo/kl", "ppo/entropy", "ppo/explained_variance"].map(&figure);
+        if skipped > 0.0 {
+            Some(Self::Skipped(skipped))
+        } else if kl > KL {
+            Some(Self::Torn(kl))
+        } else if entropy < ENTROPY * joints as f64 {
+            Some(Self::Collapsed(entropy / joints as f64))
+        } else if explained < EXPLAINED && figure("update") > SETTLED {
+            Some(Self::Blind(explained))
+        } else {
+            None
+        }
+    }
+
+    /// Whether `other` says the same, however strongly.
+    pub fn is_like(&self, other: &Self) -> bool {
+        std::mem::discriminant(self) == std::mem::discriminant(other)
+    }
+}
+
+impl Display for Symptom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Skipped(count) => write!(f, "{count} minibatches left out: a loss or gradient was not finite"),
+            Self::Torn(kl) => write!(
+                f,
+                "diverging: the policy changed by a KL of {kl:.2} in one update; lower ppo.learning_rate"
+            ),
+            Self::Collapsed(each) => write!(
+                f,
+                "entropy collapsed to {each:.1} nats a joint: nothing is tried any more; raise ppo.entropy_weight"
+            ),
+            Self::Blind(explained) => write!(
+                f,
+                "diverging: the critic explains {explained:.1} of the returns' variance, less than a constant"
+            ),
+        }
     }
 }
 
@@ -71,7 +104,7 @@ fn lost(trainer: &Trainer, report: &Report) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::diverging;
+    use super::Symptom;
 
     fn found(changes: &[(&str, f64)]) -> Option<String> {
         let sound = [
@@ -85,7 +118,7 @@ mod tests {
             let known = changes.iter().chain(&sound).find(|(key, _)| *key == name);
             known.map_or(f64::NAN, |(_, value)| *value)
         };
-        diverging(figure, 16)
+        Symptom::of(figure, 16).map(|symptom| symptom.to_string())
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod assets;
 pub mod clips;
 pub mod describe;
 pub mod drive;
+pub mod listen;
 pub mod live;
 pub mod orders;
 pub mod pilot;

@@ -136,6 +136,27 @@ fn a_rehearsal_reports_and_writes_the_log_of_a_robot() {
 }
 
 #[test]
+fn ctrl_c_ends_a_rehearsal_with_its_report_and_a_whole_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    policy(folder);
+    let begin = Instant::now();
+    let result = rehearse(folder, "600", &[], |robot, _| {
+        let log = folder.join("log.mcap");
+        let until = Instant::now() + Duration::from_secs(60);
+        while fs::metadata(&log).map_or(0, |data| data.len()) < 50_000 && Instant::now() < until {
+            sleep(Duration::from_millis(50));
+        }
+        signal(robot, "-INT");
+    });
+    assert!(begin.elapsed() < Duration::from_secs(120));
+    let seconds = result["seconds"].as_f64().unwrap();
+    assert!(seconds > 0.5 && seconds < 60.0, "{result}");
+    assert!(result["readings"].as_u64().unwrap() > 20, "{result}");
+    succeeds(folder, &["inspect", "log.mcap"]);
+}
+
+#[test]
 fn a_robot_that_is_killed_leaves_its_log_and_nothing_else_and_can_be_started_again() {
     let home = tempfile::tempdir().unwrap();
     let folder = home.path();

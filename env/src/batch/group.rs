@@ -228,6 +228,15 @@ impl Group {
                 "another number of environments or another observation".into(),
             ));
         }
+        let own = self.environments.iter();
+        if !saved
+            .environments
+            .iter()
+            .zip(own)
+            .all(|(saved, own)| saved.has_shape_of(own))
+        {
+            return Err(EnvError::State("environments of another robot or configuration".into()));
+        }
         self.actuators.restore(&saved.targets).map_err(EnvError::State)?;
         for (w, bytes) in saved.worlds.iter().enumerate() {
             self.engine.load(w, bytes).map_err(EnvError::State)?;

@@ -101,6 +101,11 @@ impl GaitMeter {
         }
     }
 
+    /// Whether it is of as many feet as `own`.
+    pub(super) fn has_shape_of(&self, own: &Self) -> bool {
+        self.feet.len() == own.feet.len()
+    }
+
     /// Starts an episode with the soles at `soles`.
     pub fn reset(&mut self, soles: &[Sole]) {
         let feet = std::mem::take(&mut self.feet);

@@ -9,6 +9,7 @@ mod judge;
 pub mod overlap;
 pub mod poses;
 pub mod reward;
+mod saved;
 pub mod shared;
 pub mod sole;
 pub mod tracking;

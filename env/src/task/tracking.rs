@@ -45,6 +45,11 @@ impl TrackingMeter {
         }
     }
 
+    /// Whether the window is as long as that of `own`, and the next place is in it.
+    pub(super) fn has_shape_of(&self, own: &Self) -> bool {
+        self.window.len() == own.window.len() && self.next < self.window.len()
+    }
+
     /// Starts an episode.
     pub fn reset(&mut self) {
         self.window.fill([0.0; 3]);

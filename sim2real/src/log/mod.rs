@@ -17,6 +17,7 @@
 //! read as well.
 
 mod cdr;
+mod lengths;
 pub mod messages;
 mod reader;
 mod wire;

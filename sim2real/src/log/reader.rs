@@ -11,10 +11,19 @@ use mcap::{McapError, parse_record};
 
 use super::cdr::{self, Field};
 use super::messages::{Bool, JointState};
-use super::{LogError, Message};
+use super::{LogError, Message, lengths};
 
 /// Largest record (a chunk of messages is one) that is read, bytes.
 const MAX_RECORD_BYTES: usize = 64 << 20;
+
+/// Largest message of a topic that is read, bytes: a robot of 4000 joints stays below.
+const MAX_MESSAGE_BYTES: usize = 1 << 20;
+/// Most joints of a message.
+const MAX_JOINTS: usize = 4096;
+/// What compressed chunks may unpack to whatever the file's size, bytes, and how many times that size beyond. Logs of a robot that
+/// stands still come to about fifty times.
+const ALWAYS_UNPACKED: u64 = 32 << 20;
+const MOST_UNPACKED: u64 = 200;
 
 /// Why a log without its end is not read: whoever wants what it holds shall know that it is not all.
 const CUT_OFF: &str = "it ends early, as when its writer was killed; `mcap recover` makes a whole log of what is there";
@@ -38,6 +47,9 @@ pub struct LogReader {
     path: PathBuf,
     reader: LinearReader,
     tables: Tables,
+    /// Bytes of the file so far, and of the records in them.
+    packed: u64,
+    unpacked: u64,
     failed: bool,
 }
 
@@ -88,6 +100,8 @@ impl LogReader {
             path: path.to_owned(),
             reader,
             tables: Tables::default(),
+            packed: 0,
+            unpacked: 0,
             failed: false,
         })
     }
@@ -107,9 +121,17 @@ impl LogReader {
                         source,
                     })?;
                     self.reader.notify_read(read);
+                    self.packed += read as u64;
                     continue;
                 }
-                Ok(LinearReadEvent::Record { opcode, data }) => self.tables.take(opcode, data),
+                Ok(LinearReadEvent::Record { opcode, data }) => {
+                    self.unpacked += data.len() as u64;
+                    let bomb = self.unpacked > ALWAYS_UNPACKED && self.unpacked / MOST_UNPACKED > self.packed;
+                    match bomb {
+                        true => Err(Fault::Damaged(format!("it unpacks to {MOST_UNPACKED} times its size"))),
+                        false => self.tables.take(opcode, data),
+                    }
+                }
                 Err(McapError::UnexpectedEof) => Err(Fault::Damaged(CUT_OFF.to_owned())),
                 Err(error) => Err(Fault::Damaged(error.to_string())),
             };
@@ -156,6 +178,9 @@ impl Tables {
         if !wanted || self.at_summary {
             return Ok(None);
         }
+        if !lengths::fit(opcode, data) {
+            return Err(Fault::Damaged("a text in it is longer than its record".to_owned()));
+        }
         match parse_record(opcode, data).map_err(|error| Fault::Damaged(error.to_string()))? {
             Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name)),
             Record::Channel(channel) => {
@@ -198,15 +223,19 @@ impl Tables {
 
 impl Channel {
     fn decode(&self, data: &[u8]) -> Result<Option<Message>, String> {
+        let fits = || match data.len() {
+            0..=MAX_MESSAGE_BYTES => Ok(data),
+            len => Err(format!("it has {len} bytes, more than a robot has to say")),
+        };
         Ok(Some(match self.topic.as_str() {
-            "/joint_states" => Message::JointStates(self.joints(data)?),
-            "/joint_commands" => Message::JointCommands(self.joints(data)?),
-            "/imu" => Message::Imu(self.ros(data)?),
-            "/cmd_vel" => Message::CmdVel(self.ros(data)?),
-            "/odom" => Message::Odom(Box::new(self.ros(data)?)),
-            "/battery" => Message::Battery(Box::new(self.ros(data)?)),
-            "/actuator_enabled" => Message::Enabled(self.enabled(data)?),
-            "/policy" => Message::Policy(serde_json::from_slice(data).map_err(|error| error.to_string())?),
+            "/joint_states" => Message::JointStates(self.joints(fits()?)?),
+            "/joint_commands" => Message::JointCommands(self.joints(fits()?)?),
+            "/imu" => Message::Imu(self.ros(fits()?)?),
+            "/cmd_vel" => Message::CmdVel(self.ros(fits()?)?),
+            "/odom" => Message::Odom(Box::new(self.ros(fits()?)?)),
+            "/battery" => Message::Battery(Box::new(self.ros(fits()?)?)),
+            "/actuator_enabled" => Message::Enabled(self.enabled(fits()?)?),
+            "/policy" => Message::Policy(serde_json::from_slice(fits()?).map_err(|error| error.to_string())?),
             _ => return Ok(None),
         }))
     }
@@ -255,6 +284,9 @@ impl Channel {
 /// The joints, if each quantity has as many values as there are names, or none.
 fn consistent(joints: JointState) -> Result<JointState, String> {
     let names = joints.name.len();
+    if names > MAX_JOINTS {
+        return Err(format!("it has {names} names, more than a robot has joints"));
+    }
     for (quantity, values) in [
         ("positions", &joints.position),
         ("velocities", &joints.velocity),

@@ -203,6 +203,36 @@ fn messages_that_do_not_fit_their_topic_are_named() {
     }
 }
 
+#[test]
+fn a_small_file_that_unpacks_to_very_much_and_a_message_of_megabytes_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let all = || {
+        LogReader::open(&path)
+            .unwrap()
+            .collect::<Result<Vec<_>, _>>()
+            .unwrap_err()
+            .to_string()
+    };
+    foreign(&path, "/camera", "sensor_msgs/msg/Image", "cdr", &vec![0; 60 << 20]);
+    assert!(fs::metadata(&path).unwrap().len() < 100_000);
+    assert!(all().contains("unpacks to 200 times its size"), "{}", all());
+    foreign(
+        &path,
+        "/joint_states",
+        "sensor_msgs/msg/JointState",
+        "cdr",
+        &vec![0; 2 << 20],
+    );
+    assert!(all().contains("more than a robot has to say"), "{}", all());
+    let names = cdr::encode(&JointState {
+        name: vec![String::new(); 5000],
+        ..JointState::default()
+    });
+    foreign(&path, "/joint_states", "sensor_msgs/msg/JointState", "cdr", &names);
+    assert!(all().contains("more than a robot has joints"), "{}", all());
+}
+
 proptest! {
     #[test]
     fn damaged_logs_end_in_an_error_or_as_they_were(position: prop::sample::Index, bit in 0_u8..8, cut: bool) {

@@ -44,6 +44,8 @@ use toml::Spanned;
 
 use super::CommandKind;
 
+/// Columns that a map may name, each `{joint}` for every joint: a hundred of each of forty joints.
+const MAX_COLUMNS: usize = 4096;
 /// Largest magnitude of a scale or offset.
 const MAX_VALUE: f64 = 1e12;
 
@@ -232,6 +234,16 @@ impl Map {
         if let Some(voltage) = &self.voltage {
             voltage.get_ref().check(source, voltage.span(), &[Dimension::Voltage])?;
         }
+        let of_joints = |joint: &Spanned<JointColumns>| joint.get_ref().count();
+        let columns = self
+            .joint
+            .iter()
+            .map(of_joints)
+            .fold(self.overrides.len(), usize::saturating_add);
+        if columns > MAX_COLUMNS {
+            let message = format!("{columns} columns");
+            return Err(source.error(0..0, message, format!("name at most {MAX_COLUMNS}")));
+        }
         let mut names = Vec::new();
         for joint in &self.joint {
             joint.get_ref().check(source, joint.span(), &mut names)?;
@@ -367,6 +379,12 @@ impl JointColumns {
         ]
         .into_iter()
         .flatten()
+    }
+
+    /// Columns of all its joints, one at least for each.
+    fn count(&self) -> usize {
+        let each = self.columns().count() + usize::from(self.enabled.is_some()) + self.extra.len();
+        self.names.len().saturating_mul(each.max(1))
     }
 
     fn check(&self, source: &Source, span: Range<usize>, seen: &mut Vec<String>) -> Result<(), RobotError> {

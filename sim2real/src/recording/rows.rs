@@ -11,6 +11,9 @@ use super::repeats::repeats;
 use super::table::Table;
 use super::{CommandKind, JointRecord, Recording, RecordingError, Series, content};
 
+/// Joints of all segments of a file together: a thousand recordings of a humanoid.
+const MAX_RECORDS: usize = 100_000;
+
 /// Makes the recordings that `table` holds; the file at `path` is called `name`.
 pub(super) fn recordings(path: &Path, name: &str, map: &Map, table: &Table) -> Result<Vec<Recording>, RecordingError> {
     let time = map.time.as_ref().map(Spanned::get_ref).ok_or_else(|| {
@@ -26,7 +29,14 @@ pub(super) fn recordings(path: &Path, name: &str, map: &Map, table: &Table) -> R
             "give a log with rows",
         ));
     }
-    segments(map, table, count)
+    let segments = segments(map, table, count);
+    let joints: usize = map.joint.iter().map(|joint| joint.get_ref().names.len()).sum();
+    if segments.len().saturating_mul(joints) > MAX_RECORDS {
+        let why = format!("{} segments of {joints} joints", segments.len());
+        let help = "`segment` names a column that stays the same for a whole recording";
+        return Err(content(path, "the file", why, help));
+    }
+    segments
         .into_iter()
         .map(|(label, rows)| {
             let segment = Segment { path, map, table, rows };

@@ -1,9 +1,4 @@
-//! Writes the files the fuzzer begins with: small policies that differ in everything a file can differ in.
-//!
-//!     cargo run --manifest-path fuzz/Cargo.toml --example seeds
-
-use std::fs;
-use std::path::Path;
+//! Small policies that differ in everything a file can differ in.
 
 use omniwalk_controller::*;
 
@@ -126,9 +121,8 @@ fn policy(spec: Spec, hidden: &[usize], activation: Activation, head: Head) -> P
     Policy::new(spec, actor, bounds, identity).expect("the parts fit")
 }
 
-fn main() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus/policy_file");
-    fs::create_dir_all(&folder).expect("a writable folder");
+/// Names and bytes of the files.
+pub fn files() -> Vec<(String, Vec<u8>)> {
     let mut butterworth = little();
     butterworth.action.filter = Some(FilterSpec::Butterworth { cutoff_hz: 10.0 });
     butterworth.action.law = ActionLaw::IncrementOnMeasured;
@@ -147,7 +141,6 @@ fn main() {
         ("bare", policy(bare, &[], Activation::Relu, Head::Beta)),
         ("everything", full),
     ];
-    for (name, policy) in seeds {
-        fs::write(folder.join(format!("{name}.omni")), policy.to_bytes()).expect("a writable folder");
-    }
+    let file = |(name, policy): (&str, Policy)| (format!("{name}.omni"), policy.to_bytes());
+    seeds.into_iter().map(file).collect()
 }

@@ -1,4 +1,4 @@
-//! What must hold for the loader of policy files, whatever the bytes are. The fuzzer and an ordinary test of the controller use it.
+//! Policy files: what must hold for their loader, whatever the bytes are. An ordinary test of the controller uses it too.
 
 use omniwalk_controller::{Controller, Policy, Sensors};
 
