@@ -23,6 +23,7 @@ fn an_update_without_episode_ends_allocates_nothing() {
         "train.steps_per_update=20",
         "ppo.hidden=[16, 16]",
         "ppo.minibatch=100",
+        "task.overlap_margin=0.0",
         "ppo.epochs=2",
     ];
     let layers = changes

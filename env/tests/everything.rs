@@ -65,6 +65,7 @@ fn everything_on(engine: EngineKind, rate: u32) -> EnvConfig {
     let mut config = config(engine);
     config.engine.physics_hz = rate;
     config.task.random_first_length = false;
+    config.task.overlap_margin = 0.0;
     for enabled in [
         &mut config.noise.enabled,
         &mut config.latency.enabled,

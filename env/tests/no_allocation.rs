@@ -34,6 +34,7 @@ fn a_step_without_episode_ends_allocates_nothing() {
         config.task.random_first_length = false;
         config.push.enabled = true;
         config.push.force = 1.0;
+        config.task.overlap_margin = 0.0;
         let mut batch = Batch::new(robot("nimbro_op2x"), &config, 20, 1).unwrap();
         let actions = vec![0.5; 20 * batch.shared().spec.action_len()];
         (0..40).for_each(|_| batch.step(&actions));
