@@ -26,8 +26,8 @@ pub const TOO_COARSE: f64 = 0.3;
 /// Least fall of the loss by a measured table.
 const WORTH: f64 = 0.05;
 /// A joint's residual is negligible below this share of what its servo gives way under its own torque: friction that builds up
-/// over a hair's breadth and motors that answer a fraction of a millisecond later, which every machine has, leave some two
-/// hundredths.
+/// over a hair's breadth and motors that answer a fraction of a millisecond later, which every machine has, leave more
+/// than two hundredths on one of the sealed rigs (docs/closing-the-loop.md).
 const NEGLIGIBLE: f64 = 0.04;
 
 /// What noise and integration leave, by degree of freedom, rad or m.
