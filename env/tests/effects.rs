@@ -88,7 +88,7 @@ fn every_effect_changes_the_motion_and_stays_within_bounds_in_both_engines() {
         (Kind::CommandQuantisation, &[0.1]),
         (Kind::SupplyVoltage, &[9.0, 12.0]),
         (Kind::StribeckFriction, &[0.2, 0.3]),
-        (Kind::LoadDependentFriction, &[0.3]),
+        (Kind::LoadDependentFriction, &[0.3, 0.1, 0.2, 0.5]),
         (Kind::DirectionalFriction, &[0.05, 0.02]),
         (Kind::Backlash, &[0.05, 0.0]),
         (Kind::Backlash, &[0.05, 1.0]),
@@ -162,10 +162,33 @@ fn an_arm_leans_on_one_end_of_its_gap_and_reaches_through_it() {
 #[test]
 fn friction_under_load_holds_what_the_motor_lets_go() {
     // Friction of 0.9 times the load holds the arm far from where its servo wants it.
-    let robot = rig(&[(Kind::LoadDependentFriction, &[0.5])]);
+    let robot = rig(&[(Kind::LoadDependentFriction, &[0.5, 0.0, 0.0, 0.1])]);
     let end = |target: fn(f64) -> f64| *lanes(&robot, 6.0, target).last().expect("readings");
     let (up, down) = (end(|t| 0.2 * t.min(5.0)), end(|t| 2.0 - 0.2 * t.min(5.0)));
     assert!(down - up > 0.05, "from below {up}, from above {down}");
+}
+
+#[test]
+fn friction_under_load_grows_with_the_load_and_is_more_at_rest() {
+    let (share, growth, at_rest) = (0.1, 0.4, 0.3);
+    // Slowly up: the motor carries the arm and all of the friction.
+    let up = |t: f64| 0.1 * t;
+    let robot = rig(&[(Kind::LoadDependentFriction, &[share, growth, 0.0, 0.1])]);
+    let q = lanes(&robot, 10.0, up);
+    let (now, before) = (q[9999], q[9899]);
+    let motor = 4.0 * (up(9.999) - now) - 0.1 * (now - before) / 0.1;
+    let balance = motor - (share + growth * motor) * motor - GRAVITY_TORQUE * now.sin();
+    assert!(balance.abs() < 2e-3, "{balance}");
+    // Held and let down slowly: friction at rest carries the arm until the motor's share is too little.
+    let robot = rig(&[(Kind::LoadDependentFriction, &[share, 0.0, at_rest, 0.01])]);
+    let down = |t: f64| if t < 3.0 { 1.2 } else { 1.2 - 0.05 * (t - 3.0) };
+    let q = lanes(&robot, 20.0, down);
+    let held = q[3000];
+    let leaves = (3000..q.len()).find(|&k| q[k] < held - 1e-4).expect("it comes down");
+    let motor = 4.0 * (down(leaves as f64 * DT) - held);
+    let carried = (1.0 + share + at_rest) * motor;
+    let load = GRAVITY_TORQUE * held.sin();
+    assert!((carried / load - 1.0).abs() < 0.02, "{carried} of {load}");
 }
 
 #[test]

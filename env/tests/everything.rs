@@ -23,6 +23,7 @@ fn mild(parameter: &Parameter, torque: f64) -> f64 {
         Scale::Time | Scale::Length => 0.1,
         Scale::Speed => 5.0,
         Scale::Torque => torque,
+        Scale::PerTorque => 1.0 / torque,
         Scale::Damping => torque / 5.0,
         Scale::Compliance => 1.0 / torque,
         Scale::Inertia => 0.01,

@@ -31,6 +31,12 @@ pub fn page(outcome: &Outcome) -> Result<String, ReportError> {
         escaped(&outcome.robot),
         escaped(&verdict.as_str().unwrap_or_default().replace('_', " "))
     );
+    let _ = writeln!(
+        out,
+        "<details><summary>the logs</summary><pre>{}</pre></details>",
+        escaped(&outcome.check.to_string())
+    );
+    information(outcome, &mut out);
     errors(outcome, &mut out);
     effects(outcome, &mut out);
     for (d, (joint, moments)) in outcome.torque.iter().enumerate() {
@@ -45,6 +51,26 @@ pub fn page(outcome: &Outcome) -> Result<String, ReportError> {
         }
     }
     Ok(out + "</html>\n")
+}
+
+/// What the logs can tell of the nominal model.
+fn information(outcome: &Outcome, out: &mut String) {
+    *out += "<details><summary>what they can tell of the nominal model</summary>\n<table><tr><th>joint</th><th>parameter</th>\
+        <th>nominal</th><th>known at best to</th></tr>\n";
+    for own in &outcome.information {
+        let known = own.deviation.map_or("not, or not from others".to_owned(), |deviation| {
+            format!("{deviation:.2e}")
+        });
+        let _ = writeln!(
+            out,
+            "<tr><td>{}</td><td>{}</td><td>{:.4} {}</td><td>{known}</td></tr>",
+            escaped(&own.joint),
+            own.parameter,
+            own.value,
+            own.unit
+        );
+    }
+    *out += "</table></details>\n";
 }
 
 fn errors(outcome: &Outcome, out: &mut String) {

@@ -31,6 +31,8 @@ pub enum Scale {
     Speed,
     /// N m or N; typical: the largest torque of the motion.
     Torque,
+    /// 1/(N m) or 1/N; typical: one over the largest torque of the motion.
+    PerTorque,
     /// N m s/rad or N s/m; typical: torque over speed.
     Damping,
     /// rad/(N m) or m/N; typical: range over torque.
@@ -59,6 +61,8 @@ impl Scale {
             (Self::Speed, true) => "m/s",
             (Self::Torque, false) => "N m",
             (Self::Torque, true) => "N",
+            (Self::PerTorque, false) => "1/(N m)",
+            (Self::PerTorque, true) => "1/N",
             (Self::Damping, false) => "N m s/rad",
             (Self::Damping, true) => "N s/m",
             (Self::Compliance, false) => "rad/(N m)",

@@ -66,15 +66,46 @@ pub(super) const LOAD: Info = Info {
     id: "load_dependent_friction",
     site: Site::Joint,
     place: Place::Table,
-    parameters: &[Parameter {
-        name: "coefficient",
-        scale: Scale::One,
-        neutral: Some(0.0),
-        starts: &[0.05, 0.2],
-        bounds: positive(0.99),
-        default: None,
-        what: "friction over transmitted torque",
-    }],
+    parameters: &[
+        Parameter {
+            name: "coefficient",
+            scale: Scale::One,
+            neutral: Some(0.0),
+            starts: &[0.05, 0.2],
+            bounds: positive(0.99),
+            default: None,
+            what: "friction over transmitted torque",
+        },
+        Parameter {
+            name: "growth",
+            scale: Scale::PerTorque,
+            neutral: Some(0.0),
+            starts: &[0.1, 0.4],
+            bounds: positive(1e6),
+            default: Some(0.0),
+            what: "how much more of the coefficient there is per torque",
+        },
+        Parameter {
+            name: "at_rest",
+            scale: Scale::One,
+            neutral: Some(0.0),
+            starts: &[0.1],
+            bounds: positive(10.0),
+            default: Some(0.0),
+            what: "how much more of the coefficient there is at rest",
+        },
+        Parameter {
+            name: "velocity",
+            scale: Scale::Speed,
+            neutral: None,
+            starts: &[0.03, 0.2],
+            bounds: positive(1e6),
+            default: Some(0.1),
+            what: "speed at which 1/e of that is left",
+        },
+    ],
+    // Friction of gears under load is more than proportional and falls with speed on most servos (Duclusaud, Passault and others,
+    // Extended friction models for the physics simulation of servo actuators, 2024: models M4 and M6).
     what: "dry friction grows with the torque that the gear transmits (motor torque less what turns the rotor)",
 };
 
@@ -113,6 +144,9 @@ pub(super) struct Friction {
     pub stribeck: f64,
     pub stribeck_velocity: f64,
     pub load: f64,
+    pub load_growth: f64,
+    pub load_at_rest: f64,
+    pub load_velocity: f64,
     pub more_forward: f64,
     pub more_damped_forward: f64,
 }
@@ -120,10 +154,14 @@ pub(super) struct Friction {
 impl Friction {
     /// Bound of dry friction at `velocity` under the transmitted `torque`.
     pub fn bound(&self, velocity: f64, torque: f64) -> f64 {
-        let mut bound = self.coulomb + self.load * torque.abs();
+        let torque = torque.abs();
+        let mut coefficient = self.load + self.load_growth * torque;
+        if self.load_at_rest > 0.0 {
+            coefficient += self.load_at_rest * left(velocity, self.load_velocity);
+        }
+        let mut bound = self.coulomb + coefficient * torque;
         if self.stribeck > 0.0 {
-            let share = velocity / self.stribeck_velocity.max(1e-9);
-            bound += self.stribeck * (-share * share).exp();
+            bound += self.stribeck * left(velocity, self.stribeck_velocity);
         }
         bound
     }
@@ -133,4 +171,10 @@ impl Friction {
     pub fn torque(&self, velocity: f64) -> f64 {
         -self.more_forward - self.more_damped_forward * velocity.abs()
     }
+}
+
+/// Share of what there is at rest that is left at `velocity`: 1/e at the speed `typical`.
+fn left(velocity: f64, typical: f64) -> f64 {
+    let share = velocity / typical.max(1e-9);
+    (-share * share).exp()
 }

@@ -101,7 +101,10 @@ impl Model {
             Kind::CommandQuantisation => self.command.quantum = v[0],
             Kind::SupplyVoltage => self.supply = v[0] / v[1],
             Kind::StribeckFriction => (self.friction.stribeck, self.friction.stribeck_velocity) = (v[0], v[1]),
-            Kind::LoadDependentFriction => self.friction.load = v[0],
+            Kind::LoadDependentFriction => {
+                (self.friction.load, self.friction.load_growth) = (v[0], v[1]);
+                (self.friction.load_at_rest, self.friction.load_velocity) = (v[2], v[3]);
+            }
             Kind::DirectionalFriction => {
                 (self.friction.more_forward, self.friction.more_damped_forward) = (v[0], v[1]);
             }

@@ -255,6 +255,15 @@ impl Findings {
                 "the velocity never changes while the joint moves; it is not used",
             );
         }
+        // Joints that stick rest where they came to, and may do so at their farthest.
+        if check.position.at_bounds > 0.3 && width(&check.position) > 0.0 {
+            let message = format!(
+                "the position rests at its largest or smallest reading for {:.0} % of the samples: an end stop, a joint that \
+                 sticks, or a sensor that saturates",
+                100.0 * check.position.at_bounds
+            );
+            self.remark(Fault::Saturated, at, message);
+        }
         for (what, channel) in [("velocity", &check.velocity), ("effort", &check.effort)] {
             if channel.at_bounds > 0.02 && width(channel) > 0.0 {
                 let message = format!(

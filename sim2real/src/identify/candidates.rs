@@ -7,14 +7,14 @@ use super::fit::{Data, Fit, newton, sum, total};
 use super::model::{Model, Term, joint_of};
 use super::scales::Scales;
 
-/// An effect that may be missing, with every start of its fit.
+/// An effect that may be missing, or more numbers of one that is there, with every start of its fit.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// The effect.
     pub kind: Kind,
     /// Degree of freedom or link.
     pub target: usize,
-    /// Which of the ways the effect can be.
+    /// Which of the ways the effect can be; ways to refine it follow.
     pub variant: usize,
     /// One model of it a start.
     pub starts: Vec<Term>,
@@ -29,6 +29,22 @@ impl Candidate {
 
 /// Frequencies (cycles per rad or m) that a ripple's fit starts from, by degree of freedom.
 pub type Ripples = Vec<Vec<f64>>;
+
+/// Numbers of an effect that are fitted together, once the effect is there: how it departs from its simplest form.
+pub fn refinements(kind: Kind) -> &'static [&'static [usize]] {
+    match kind {
+        Kind::LoadDependentFriction => &[&[1], &[2, 3]],
+        _ => &[],
+    }
+}
+
+/// First variant of the refinements.
+const REFINED: usize = 10;
+
+/// What the effects of `model` may be refined by.
+pub fn finer(model: &Model, scales: &Scales) -> Vec<Candidate> {
+    model.terms.iter().flat_map(|term| refined(term, scales)).collect()
+}
 
 /// Everything of the catalogue that `model` does not have yet and that `robot` can have.
 pub fn all(robot: &Robot, data: &Data, model: &Model, scales: &Scales, ripples: &Ripples) -> Vec<Candidate> {
@@ -55,6 +71,33 @@ pub fn all(robot: &Robot, data: &Data, model: &Model, scales: &Scales, ripples: 
         }
     }
     out
+}
+
+/// What `term` may be refined by.
+fn refined<'a>(term: &'a Term, scales: &'a Scales) -> impl Iterator<Item = Candidate> + 'a {
+    let info = term.kind.info();
+    let start = |group: &[usize], pick: usize| {
+        let mut term = term.clone();
+        for &i in group {
+            let parameter = &info.parameters[i];
+            let unit = scales.of(parameter.scale, info.site, term.target);
+            term.values[i] = unit * parameter.starts[pick.min(parameter.starts.len() - 1)];
+            term.free.push(i);
+        }
+        term.free.sort_unstable();
+        term
+    };
+    let groups = refinements(term.kind).iter().enumerate();
+    let new = groups.filter(|(_, group)| !term.free.contains(&group[0]));
+    new.map(move |(k, group)| {
+        let count = group.iter().map(|&i| info.parameters[i].starts.len()).max();
+        Candidate {
+            kind: term.kind,
+            target: term.target,
+            variant: REFINED + k,
+            starts: (0..count.unwrap_or(0)).map(|pick| start(group, pick)).collect(),
+        }
+    })
 }
 
 fn applies(kind: Kind, target: usize, robot: &Robot, data: &Data, model: &Model) -> bool {
@@ -103,6 +146,11 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
         let spread = |s: f64| LADDER.map(|factor| unit + factor * (s - unit));
         start(i).into_iter().flat_map(spread).collect()
     };
+    // What is not told is as the catalogue has it.
+    let plain = |value: f64| -> Vec<f64> {
+        let own = info.parameters.iter().skip(1).map(|p| p.default.unwrap_or(0.0));
+        [value].into_iter().chain(own).collect()
+    };
     let term = |values: Vec<f64>, free: Vec<usize>| Term {
         kind,
         target,
@@ -140,7 +188,7 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
             let at = |x: f64| term(vec![x, com.x, com.y, com.z], vec![0]);
             vec![start(0).into_iter().map(at).collect()]
         }
-        _ => vec![ladder(0).into_iter().map(|x| term(vec![x], vec![0])).collect()],
+        _ => vec![ladder(0).into_iter().map(|x| term(plain(x), vec![0])).collect()],
     }
 }
 
@@ -155,7 +203,7 @@ pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, sca
     let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
     let with = |term: &Term| {
         let mut model = model.clone();
-        model.terms.push(term.clone());
+        model.put(term.clone());
         model.hold_others(robot, joint);
         let mut straight = model.clone();
         straight.straighten(joint);

@@ -42,7 +42,7 @@ pub fn intervals(data: &Data, fit: &Fit, folds: &Folds, scales: &Scales) -> Vec<
 
 /// The numbers that the logs tell: those with no part in a direction along which, in units of what each does alone, readings
 /// change by less than slopes by finite differences are good for.
-fn told(curvature: &DMatrix<f64>) -> Vec<usize> {
+pub fn told(curvature: &DMatrix<f64>) -> Vec<usize> {
     let n = curvature.nrows();
     let largest = (0..n).map(|i| curvature[(i, i)]).fold(0.0, f64::max);
     let active: Vec<usize> = (0..n).filter(|&i| curvature[(i, i)] > 1e-12 * largest).collect();

@@ -10,12 +10,12 @@ use super::model::{Model, Term};
 use super::noise;
 use super::scales::Scales;
 use super::select::{Selection, is_above};
-use super::torque::{self, Dependence, Form, MOTOR_TORQUE, Moment};
+use super::torque::{self, Dependence, MOTOR_TORQUE, Moment};
 
 /// Starts of a ripple's fit.
 const RIPPLES: usize = 3;
-/// Beside accepted effects, structure is more than this share of what the re-tuned model leaves above the floor.
-const SHARE_LEFT: f64 = 0.2;
+/// Beside accepted effects, structure is more than this share of what the re-tuned model leaves above the floor: a quarter of the error.
+const SHARE_LEFT: f64 = 0.0625;
 /// Beyond so many times the floor's square something is missing even where nothing predicts it.
 const FAR_ABOVE: f64 = 9.0;
 /// A physics step is too coarse to report with when half of it changes more than this share of the residual: values would
@@ -29,6 +29,8 @@ const WORTH: f64 = 0.05;
 /// over a hair's breadth and motors that answer a fraction of a millisecond later, which every machine has, leave more
 /// than two hundredths on one of the sealed rigs (docs/closing-the-loop.md).
 const NEGLIGIBLE: f64 = 0.04;
+/// Soft servos give way so far that this is no bound for them: what is farther above the noise than this is not negligible.
+const NEGLIGIBLE_OVER_FLOOR: f64 = 1.5;
 
 /// What noise and integration leave, by degree of freedom, rad or m.
 pub struct Floor {
@@ -80,7 +82,10 @@ impl Floor {
     pub fn negligible_squares(&self, data: &Data) -> f64 {
         let readings = data.trials.iter().flat_map(|trial| &trial.readings);
         readings
-            .map(|r| (self.weights[r.dof] * self.negligible[r.dof]).powi(2))
+            .map(|r| {
+                let negligible = self.negligible[r.dof].min(NEGLIGIBLE_OVER_FLOOR * self.of(r.dof));
+                (self.weights[r.dof] * negligible).powi(2)
+            })
             .sum()
     }
 
@@ -191,7 +196,9 @@ pub fn leftover(
     floor: &Floor,
 ) -> Result<Leftover, EngineError> {
     let model = &selection.last.model;
-    let (refit, last) = (total(&selection.refit_cross), total(&selection.cross));
+    // Predictions of a model that is far off can be as bad as one likes: what is left is measured against its fit.
+    let refit = total(&selection.refit_cross).min(total(&selection.refit.losses));
+    let last = total(&selection.cross);
     let negligible = floor.negligible_squares(data);
     let floor = floor.squares(data);
     let fraction = ((last - floor) / (refit - floor).max(1e-12 * refit)).clamp(0.0, 1.0);
@@ -209,7 +216,7 @@ pub fn leftover(
     }
     let mut with = model.clone();
     if remains {
-        add_tables(data, &mut with, &mut joints);
+        add_tables(data, folds, &mut with, &mut joints);
     }
     let predicted = joints.iter().any(|left| !left.depends_on.is_empty());
     Ok(Leftover {
@@ -226,28 +233,49 @@ pub fn leftover(
     })
 }
 
-/// Gives every joint whose torque depends on what simulations know a table of it, where that helps the rollouts.
-fn add_tables(data: &Data, model: &mut Model, joints: &mut [Left]) {
-    for left in joints {
-        let Some(leading) = left.depends_on.iter().find(|d| d.form == Form::Plain) else {
+/// Gives every joint a table of the torque it lacks, over what simulations know of what that depends on, where that helps
+/// rollouts of blocks the table was not made from.
+fn add_tables(data: &Data, folds: &Folds, model: &mut Model, joints: &mut [Left]) {
+    let fold = |block: usize| folds.of_block[block];
+    for left in joints.iter_mut().filter(|left| !left.depends_on.is_empty()) {
+        let known = torque::simulated_dependence(&left.moments, &fold, folds.count);
+        let tables = |own: usize| -> Vec<Table> {
+            let leading = known.iter();
+            leading
+                .filter_map(|leading| torque::table(&left.moments, leading, &|block| fold(block) != own))
+                .collect()
+        };
+        let with = |table: &Table| {
+            let mut with = model.clone();
+            with.terms.push(Term {
+                kind: Kind::ResidualTorque,
+                target: left.dof,
+                values: Vec::new(),
+                free: Vec::new(),
+                table: Some(table.clone()),
+                held: false,
+            });
+            with
+        };
+        let left_out: Vec<Vec<Table>> = (0..folds.count).map(tables).collect();
+        let models: Vec<Model> = left_out.iter().flatten().map(with).collect();
+        let losses = data.losses(&models);
+        let before = total(&data.losses(std::slice::from_ref(model))[0]);
+        let cross = |k: usize| {
+            let own = |b: usize| losses[fold(b) * known.len() + k][b];
+            total(&(0..data.blocks).map(own).collect::<Vec<_>>())
+        };
+        // As many tables as variables in every fold, or they could not be compared.
+        if left_out.iter().any(|tables| tables.len() != known.len()) {
+            continue;
+        }
+        let best = (0..known.len()).min_by(|&a, &b| cross(a).total_cmp(&cross(b)));
+        let Some(best) = best.filter(|&k| cross(k) < (1.0 - WORTH) * before) else {
             continue;
         };
-        let Some(table) = torque::table(&left.moments, leading) else {
-            continue;
-        };
-        let mut with = model.clone();
-        with.terms.push(Term {
-            kind: Kind::ResidualTorque,
-            target: left.dof,
-            values: Vec::new(),
-            free: Vec::new(),
-            table: Some(table.clone()),
-            held: false,
-        });
-        let losses = data.losses(&[model.clone(), with.clone()]);
-        if total(&losses[1]) < (1.0 - WORTH) * total(&losses[0]) {
+        if let Some(table) = torque::table(&left.moments, &known[best], &|_| true) {
+            *model = with(&table);
             left.table = Some(table);
-            *model = with;
         }
     }
 }

@@ -10,6 +10,7 @@
 mod candidates;
 mod cross;
 mod fit;
+mod information;
 mod interval;
 mod leftover;
 mod measure;
@@ -26,6 +27,7 @@ mod torque;
 mod trial;
 mod write;
 
+pub use information::Information;
 pub use measure::{Errors, Measure, measure};
 pub use report::{Accepted, Outcome, Parameter, Rejected, Sets, Verdict};
 pub use scales::{JointScale, Scales};
@@ -38,6 +40,7 @@ use omniwalk_env::effect::Kind;
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::{Base, Robot, RobotError};
 
+use crate::check::Check;
 use crate::recording::{Recording, RecordingError};
 use cross::Folds;
 use fit::Data;
@@ -153,14 +156,23 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     let robot = task.robot;
     fixed(robot)?;
     let split = split::split(robot, &task.logs, task.heldout.is_some())?;
-    let reasons = split::insufficient(robot, &split.fit);
+    let check = Check::new(&task.logs, robot);
+    log(check.to_string().trim_end());
+    let mut reasons: Vec<String> = check.refusals.iter().map(ToString::to_string).collect();
+    reasons.extend(split::insufficient(robot, &split.fit));
     if !reasons.is_empty() {
-        return Ok(Outcome::insufficient(robot, reasons));
+        return Ok(Outcome::insufficient(robot, reasons, check));
     }
     let scales = Scales::new(robot, &split.fit);
     let mut data = Data::new(robot, split.fit.clone())?;
     let folds = Folds::new(&data);
-    let Choice { selection, floor } = choose(robot, &mut data, &scales, &folds, log)?;
+    let nominal = Model::nominal(robot, &data.trials);
+    let information = information::information(robot, &mut data, &nominal, &scales);
+    let untold = information::untold(&information);
+    if !untold.is_empty() {
+        log(&format!("these logs cannot tell {untold}"));
+    }
+    let Choice { selection, floor } = choose(robot, &mut data, &nominal, &scales, &folds, log)?;
     let all_at_once = task.compare.then(|| {
         let ripples = |model: &Model| leftover::ripples(&data, model, &scales);
         Selector {
@@ -198,6 +210,8 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
             intervals: &intervals,
             all_at_once: all_at_once.as_ref(),
             split: &split,
+            check: &check,
+            information: &information,
         },
         heldout,
     )
@@ -214,14 +228,14 @@ struct Choice {
 fn choose(
     robot: &Robot,
     data: &mut Data,
+    nominal: &Model,
     scales: &Scales,
     folds: &Folds,
     log: &dyn Fn(&str),
 ) -> Result<Choice, EngineError> {
-    let nominal = Model::nominal(robot, &data.trials);
     // Joints that are measured well count as much as those that are not: each in units of what the re-tuned model leaves.
-    data.weights = leftover::weights(data, &nominal);
-    let mut tuned = data.fit(&nominal, scales, &|_| true).model;
+    data.weights = leftover::weights(data, nominal);
+    let mut tuned = data.fit(nominal, scales, &|_| true).model;
     if leftover::is_coarse(data, &tuned, TOO_COARSE)? {
         return fine(robot, data, scales, folds, log, (&tuned, &[], None));
     }

@@ -7,6 +7,9 @@ use super::own::Own;
 use super::scales::Scales;
 use super::trial::Trial;
 
+/// Fewest cycles of a ripple over the range of motion.
+pub const FEWEST_CYCLES: f64 = 1.5;
+
 /// A parameter of the nominal model with its value.
 #[derive(Clone, Debug)]
 pub struct Tuned {
@@ -131,6 +134,10 @@ impl Model {
                 if parameter.neutral.is_none() {
                     lower = lower.max(1e-3);
                 }
+                // What does not repeat within the range is no ripple.
+                if parameter.scale == Scale::Frequency {
+                    lower = lower.max(FEWEST_CYCLES);
+                }
                 Free {
                     scale,
                     lower,
@@ -210,9 +217,25 @@ impl Model {
             .for_each(|tuned| tuned.value = tuned.nominal);
     }
 
+    /// The effect `kind` on `target`, if it is among the terms.
+    pub fn term(&self, kind: Kind, target: usize) -> Option<&Term> {
+        self.terms
+            .iter()
+            .find(|term| (term.kind, term.target) == (kind, target))
+    }
+
     /// Whether the effect `kind` on `target` is among the terms.
     pub fn has(&self, kind: Kind, target: usize) -> bool {
-        self.terms.iter().any(|term| (term.kind, term.target) == (kind, target))
+        self.term(kind, target).is_some()
+    }
+
+    /// Adds `term`, in the place of one of the same effect on the same target.
+    pub fn put(&mut self, term: Term) {
+        let same = |own: &&mut Term| (own.kind, own.target) == (term.kind, term.target);
+        match self.terms.iter_mut().find(same) {
+            Some(own) => *own = term,
+            None => self.terms.push(term),
+        }
     }
 }
 

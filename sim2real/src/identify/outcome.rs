@@ -8,6 +8,7 @@ use omniwalk_env::robot::{JointKind, Robot};
 use super::IdentifyError;
 use super::cross::Folds;
 use super::fit::Data;
+use super::information::Information;
 use super::leftover::{Floor, Leftover};
 use super::measure::{Measure, measure, measure_each};
 use super::model::Model;
@@ -16,6 +17,7 @@ use super::scales::Scales;
 use super::select::Selection;
 use super::split::Split;
 use super::trial::Trial;
+use crate::check::Check;
 
 /// What an outcome is made of.
 pub struct Parts<'a> {
@@ -41,6 +43,10 @@ pub struct Parts<'a> {
     pub all_at_once: Option<&'a Model>,
     /// What was set aside.
     pub split: &'a Split,
+    /// What the logs can carry.
+    pub check: &'a Check,
+    /// What they can tell of the nominal model.
+    pub information: &'a [Information],
 }
 
 /// The outcome, with the errors on `heldout`.
@@ -123,6 +129,8 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
         heldout: parts.split.note.clone(),
         folds: parts.folds.by.clone(),
         tried: selection.tried,
+        check: parts.check.clone(),
+        information: parts.information.to_vec(),
         physics_hz: data.finer as f64 / super::DT,
         torque: left
             .joints

@@ -5,8 +5,10 @@ use std::collections::BTreeMap;
 use omniwalk_env::robot::Robot;
 use serde::Serialize;
 
+use super::information::Information;
 use super::measure::Measure;
 use super::trial::Trial;
+use crate::check::Check;
 
 /// What the logs say about the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -101,6 +103,10 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Why there is none, if so.
     pub reasons: Vec<String>,
+    /// What the logs can carry, looked at before anything else.
+    pub check: Check,
+    /// What they can tell of the nominal model's parameters.
+    pub information: Vec<Information>,
     /// The robot as given.
     pub nominal: Sets,
     /// Its own parameters re-tuned.
@@ -143,11 +149,13 @@ pub struct Outcome {
 
 impl Outcome {
     /// No answer, for `reasons`.
-    pub fn insufficient(robot: &Robot, reasons: Vec<String>) -> Self {
+    pub fn insufficient(robot: &Robot, reasons: Vec<String>, check: Check) -> Self {
         Self {
             robot: robot.name.clone(),
             verdict: Verdict::InsufficientData,
             reasons,
+            check,
+            information: Vec::new(),
             nominal: Sets::default(),
             refit: Sets::default(),
             last: Sets::default(),

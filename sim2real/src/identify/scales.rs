@@ -82,6 +82,7 @@ impl Scales {
             Scale::Position => joint().position,
             Scale::Speed => joint().speed,
             Scale::Torque => joint().torque,
+            Scale::PerTorque => 1.0 / joint().torque,
             Scale::Damping => joint().torque / joint().speed,
             Scale::Compliance => joint().position / joint().torque,
             Scale::Inertia => joint().inertia,

@@ -7,7 +7,7 @@ use omniwalk_env::effect::{Table, Variable};
 use omniwalk_env::engine::{Engine, EngineError};
 
 use super::fit::Data;
-use super::model::Model;
+use super::model::{FEWEST_CYCLES, Model};
 use super::rollout::Rollout;
 use super::scales::Scales;
 use super::trial::{DT, Trial};
@@ -36,6 +36,8 @@ pub struct Moment {
 
 /// Index of the motor's torque among [`names`].
 pub const MOTOR_TORQUE: usize = 3;
+/// So many of [`names`] are known to simulations too.
+const SIMULATED: usize = 4;
 
 /// What the torque may depend on, in the order of [`Moment::values`].
 pub fn names(trial: &Trial, dof: usize) -> Vec<String> {
@@ -121,7 +123,7 @@ fn block_of(trial: &Trial, step: f64) -> usize {
 /// straight search, as a ripple has no slope that would lead to its frequency from afar.
 pub fn ripples(moments: &[Moment], range: f64, count: usize) -> Vec<f64> {
     let mean = moments.iter().map(|m| m.torque).sum::<f64>() / moments.len().max(1) as f64;
-    // From one and a half cycles over the range: slower ones are slopes. Up to what readings can resolve.
+    // Slower ones are slopes; up to what readings can resolve.
     let highest = 200.0;
     let power = |cycles: f64| {
         let (mut s, mut c) = (0.0, 0.0);
@@ -133,7 +135,7 @@ pub fn ripples(moments: &[Moment], range: f64, count: usize) -> Vec<f64> {
         s * s + c * c
     };
     let grid: Vec<f64> = (0..)
-        .map(|k| 1.5 + 0.25 * f64::from(k))
+        .map(|k| FEWEST_CYCLES + 0.25 * f64::from(k))
         .take_while(|&f| f < highest)
         .collect();
     let powers: Vec<f64> = grid.iter().map(|&f| power(f)).collect();
@@ -153,6 +155,16 @@ pub enum Form {
     Friction,
 }
 
+impl Form {
+    /// What a function of the variable is multiplied with.
+    fn factor(self, moment: &Moment, slow: f64) -> f64 {
+        match self {
+            Self::Plain => 1.0,
+            Self::Friction => (moment.values[1] / slow).clamp(-1.0, 1.0),
+        }
+    }
+}
+
 /// What predicts the torque that is lacking.
 #[derive(Clone, Debug)]
 pub struct Dependence {
@@ -168,14 +180,27 @@ pub struct Dependence {
 const KNOTS: usize = 12;
 /// Least share of the square that a variable must predict to be named.
 const LEAST: f64 = 0.05;
+/// What simulations know is named before what is only measured (a load, say, that is the motor's torque) where it predicts this
+/// share as much.
+const NEARLY: f64 = 0.9;
 
 /// The variables that predict the torque, in order, by how well piecewise linear functions of them predict blocks they
 /// were not fitted to. `fold` gives the fold of a block.
 pub fn dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
+    let variables = moments.first().map_or(0, |moment| moment.values.len());
+    dependence_on(variables, moments, fold, folds)
+}
+
+/// The same of the variables that simulations know.
+pub fn simulated_dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
+    dependence_on(SIMULATED, moments, fold, folds)
+}
+
+/// The same of the first `variables`.
+fn dependence_on(variables: usize, moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
     if moments.len() < 200 {
         return Vec::new();
     }
-    let variables = moments[0].values.len();
     let whole: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
     let mut left: Vec<f64> = moments.iter().map(|m| m.torque).collect();
     let mut found: Vec<Dependence> = Vec::new();
@@ -192,7 +217,16 @@ pub fn dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usiz
                 let predicted = predict(moments, &left, variable, form, fold, folds);
                 let rest: f64 = left.iter().zip(&predicted).map(|(a, b)| (a - b).powi(2)).sum();
                 let gain = 1.0 - explained - rest / whole;
-                if best.as_ref().is_none_or(|(old, _)| gain > old.gain) {
+                // Simulated variables come first.
+                let ahead = |old: &Dependence| {
+                    let share = if variable >= SIMULATED && old.variable < SIMULATED {
+                        NEARLY
+                    } else {
+                        1.0
+                    };
+                    share * gain > old.gain
+                };
+                if best.as_ref().is_none_or(|(old, _)| ahead(old)) {
                     best = Some((Dependence { variable, form, gain }, predicted));
                 }
             }
@@ -220,12 +254,8 @@ fn predict(
     if knots.len() < 2 {
         return vec![0.0; left.len()];
     }
-    let speeds: Vec<f64> = moments.iter().map(|m| m.values[1].abs()).collect();
-    let slow = 0.02 * speeds.iter().copied().fold(0.0, f64::max) + 1e-12;
-    let factor = |m: &Moment| match form {
-        Form::Plain => 1.0,
-        Form::Friction => (m.values[1] / slow).tanh(),
-    };
+    let slow = slow(moments);
+    let factor = |m: &Moment| form.factor(m, slow);
     let weights: Vec<(usize, f64, f64)> = moments
         .iter()
         .map(|m| {
@@ -243,6 +273,11 @@ fn predict(
         }
     }
     out
+}
+
+/// Speed from which on friction is that of motion, rad/s or m/s.
+fn slow(moments: &[Moment]) -> f64 {
+    0.02 * moments.iter().map(|m| m.values[1].abs()).fold(0.0, f64::max) + 1e-12
 }
 
 /// Grid of a variable: quantiles of its values.
@@ -295,27 +330,34 @@ fn least_squares(knots: usize, data: impl Iterator<Item = ((usize, f64, f64), f6
     right
 }
 
-/// A table of the torque over the leading variable, if simulations know it.
-pub fn table(moments: &[Moment], leading: &Dependence) -> Option<Table> {
-    let own = [
+/// A table of the torque of the moments that are `used` over the leading variable, if simulations know it; over velocity
+/// too where it is friction.
+pub fn table(moments: &[Moment], leading: &Dependence, used: &dyn Fn(usize) -> bool) -> Option<Table> {
+    let variable = *[
         Variable::Position,
         Variable::Velocity,
         Variable::Target,
         Variable::Torque,
-    ];
-    let variable = *own.get(leading.variable).filter(|_| leading.form == Form::Plain)?;
-    let grid = knots(moments, leading.variable);
+    ]
+    .get(leading.variable)?;
+    let (grid, slow) = (knots(moments, leading.variable), slow(moments));
     if grid.len() < 2 {
         return None;
     }
-    let data = moments.iter().map(|m| {
+    let data = moments.iter().filter(|m| used(m.block)).map(|m| {
         let (i, s) = cell(&grid, m.values[leading.variable]);
-        ((i, s, 1.0), m.torque)
+        ((i, s, leading.form.factor(m, slow)), m.torque)
     });
     let values = least_squares(grid.len(), data);
-    Some(Table {
-        axes: vec![(variable, grid)],
-        values,
+    Some(match leading.form {
+        Form::Plain => Table {
+            axes: vec![(variable, grid)],
+            values,
+        },
+        Form::Friction => Table {
+            axes: vec![(variable, grid), (Variable::Velocity, vec![-slow, slow])],
+            values: values.into_iter().flat_map(|value| [-value, value]).collect(),
+        },
     })
 }
 

@@ -39,7 +39,7 @@ fn thin(logs: &mut [Recording], keep: usize) {
 
 #[test]
 fn logs_that_carry_no_answer_are_not_explained() {
-    let spoils: [(&str, Spoil); 12] = [
+    let spoils: [(&str, Spoil); 20] = [
         ("half a second", |logs| cut(logs, 0.5)),
         ("two seconds", |logs| cut(logs, 2.0)),
         ("two readings", |logs| cut(logs, 0.012)),
@@ -64,6 +64,43 @@ fn logs_that_carry_no_answer_are_not_explained() {
             each(logs, |i, q| *q = ((i * 7919 % 1009) as f64 / 1009.0 - 0.5) * 2.0);
         }),
         ("degrees", |logs| each(logs, |_, q| *q = q.to_degrees())),
+        ("the sign turned", |logs| each(logs, |_, q| *q = -*q)),
+        ("readings of other commands", |logs| {
+            let first = logs[0].joints[0].position.clone();
+            let others: Vec<_> = logs.iter().skip(1).map(|log| log.joints[0].position.clone()).collect();
+            let turned = others.into_iter().chain([first]);
+            logs.iter_mut()
+                .zip(turned)
+                .for_each(|(log, own)| log.joints[0].position = own);
+        }),
+        ("a second late", |logs| {
+            let late = |log: &mut Recording| log.joints[0].position.time.iter_mut().for_each(|t| *t += 1.0);
+            logs.iter_mut().for_each(late);
+        }),
+        ("saturated", |logs| each(logs, |_, q| *q = q.clamp(-0.1, 0.1))),
+        ("stuck from a second on", |logs| {
+            for log in logs {
+                let held = log.joints[0].position.value[200];
+                log.joints[0].position.value[200..].fill(held);
+            }
+        }),
+        ("rounded to half a rad", |logs| {
+            each(logs, |_, q| *q = (2.0 * *q).round() / 2.0)
+        }),
+        ("every third reading lost and zero", |logs| {
+            each(logs, |i, q| {
+                if i % 3 == 0 {
+                    *q = 0.0
+                }
+            })
+        }),
+        ("a walk by chance", |logs| {
+            let mut at = 0.0;
+            each(logs, |i, q| {
+                at += ((i * 7919 % 1009) as f64 / 1009.0 - 0.5) * 0.05;
+                *q = at;
+            });
+        }),
     ];
     for (name, spoil) in spoils {
         let mut spoilt = logs(&rig(&[]), 4, 1);

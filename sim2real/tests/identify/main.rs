@@ -54,7 +54,7 @@ fn friction_that_rises_towards_rest_is_found() {
 
 #[test]
 fn friction_under_load_is_found() {
-    is_found(Kind::LoadDependentFriction, &[0.25]);
+    is_found(Kind::LoadDependentFriction, &[0.25, 0.0, 0.0, 0.1]);
 }
 
 #[test]

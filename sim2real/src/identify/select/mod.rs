@@ -1,22 +1,25 @@
-//! Step by step from the re-tuned nominal model to the effects the data ask for.
+//! Step by step (`step`) from the re-tuned nominal model to the effects the data ask for.
 //!
 //! In a step every effect that the model lacks is fitted beside what it has and judged by cross-validation. The best is
 //! taken when it falls significantly (corrected for the number tried) and by more than a trifle, or a pair where no
-//! single one does; then what earlier steps took is tried without. At the end each effect is exchanged for every other: what predicts
-//! as well cannot be told apart with these logs.
+//! single one does; then what earlier steps took is tried without (`settle`). At the end each effect is exchanged for every other: what
+//! predicts as well cannot be told apart with these logs.
+
+mod settle;
+mod step;
 
 use omniwalk_env::effect::Kind;
 use omniwalk_env::robot::Robot;
-use rayon::prelude::*;
 
 use super::candidates::{self, Candidate, Ripples};
 use super::cross::{Folds, Gain};
 use super::fit::{Data, Fit, Loss, total};
 use super::model::{Model, Term};
 use super::scales::Scales;
+use step::Stage;
 
 /// Probability of a false alarm in a step, over all effects tried.
-const FALSE_ALARM: f64 = 0.01;
+const FALSE_ALARM: f64 = 0.05;
 /// Least fall of the cross-validated loss that makes an effect worth having.
 const WORTH: f64 = 0.02;
 /// The same as a share of what noise and integrator leave to be explained.
@@ -122,22 +125,14 @@ struct Judged {
     cross: Vec<Loss>,
 }
 
-/// Which effects a step may take.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Stage {
-    Delays,
-    All,
-}
-
-fn is_delay(kind: Kind) -> bool {
-    matches!(kind, Kind::CommandDelay | Kind::SensorDelay)
-}
-
-/// Effects of a model, in a fixed order.
-type Terms = Vec<(&'static str, usize)>;
+/// Effects of a model with the numbers that are fitted, in a fixed order.
+type Terms = Vec<(&'static str, usize, Vec<usize>)>;
 
 fn terms(model: &Model) -> Terms {
-    let own = model.terms.iter().map(|term| (term.kind.id(), term.target));
+    let own = model
+        .terms
+        .iter()
+        .map(|term| (term.kind.id(), term.target, term.free.clone()));
     let mut own: Terms = own.collect();
     own.sort_unstable();
     own
@@ -179,8 +174,13 @@ impl Selector<'_> {
         }
     }
 
-    fn worth(&self, before: &[Loss], gain: &Gain) -> bool {
-        let loss = total(before);
+    /// Whether `after` predicts so much better than `before` (by `gain`) that it is worth having; what the fits to all do not
+    /// show, their cross-validation shows by accident.
+    fn worth(&self, before: &Judged, after: &Judged, gain: &Gain) -> bool {
+        if total(&after.fit.losses) > (1.0 - WORTH) * total(&before.fit.losses) {
+            return false;
+        }
+        let loss = total(&before.cross);
         let gap = loss - self.floor;
         let least = if gap > self.negligible {
             WORTH_OF_GAP
@@ -205,6 +205,7 @@ impl Selector<'_> {
             model.terms.extend_from_slice(first);
             steps.now = self.fit(&model);
             self.drop_needless(&mut steps);
+            self.refine(&mut steps);
         }
         // Everything else leans on when things happened.
         for stage in [Stage::Delays, Stage::All] {
@@ -250,33 +251,6 @@ impl Selector<'_> {
         }
     }
 
-    /// Takes the effect or pair that helps most; false when none does.
-    fn step(&self, steps: &mut Steps, stage: Stage) -> bool {
-        let now = steps.now.clone();
-        let mut candidates = self.candidates(&now.fit.model);
-        candidates.retain(|candidate| stage == Stage::All || is_delay(candidate.kind));
-        steps.most = steps.most.max(candidates.len());
-        let tried = self.try_all(steps, &now, &candidates);
-        for (candidate, judged) in candidates.iter().zip(&tried) {
-            note(
-                &mut steps.rejected,
-                candidate,
-                self.folds.gain(&now.cross, &judged.cross),
-            );
-        }
-        let chosen = match stage {
-            Stage::Delays => self.best(&now, &tried, candidates.len()),
-            Stage::All => self.choose(&now, &candidates, &tried),
-        };
-        let Some(next) = chosen else {
-            return false;
-        };
-        steps.now = self.fit(&next.fit.model);
-        steps.known.push((terms(&steps.now.fit.model), steps.now.clone()));
-        self.drop_needless(steps);
-        true
-    }
-
     /// What may be tried beside `model`.
     fn candidates(&self, model: &Model) -> Vec<Candidate> {
         let found = (self.ripples)(model);
@@ -303,71 +277,6 @@ impl Selector<'_> {
         self.data.fit(&model, self.scales, &|_| true).model
     }
 
-    /// Every candidate beside `now`; what was tried there before is not tried again.
-    fn try_all(&self, steps: &mut Steps, now: &Judged, candidates: &[Candidate]) -> Vec<Judged> {
-        let own = terms(&now.fit.model);
-        let known = |steps: &Steps, candidate: &Candidate| {
-            let same = |(beside, key, _): &&(Terms, _, Judged)| *beside == own && *key == candidate.key();
-            steps.tried.iter().find(same).map(|(_, _, judged)| judged.clone())
-        };
-        let new: Vec<&Candidate> = candidates.iter().filter(|c| known(steps, c).is_none()).collect();
-        let one = |candidate: &&Candidate| {
-            self.judge(candidates::fit(
-                self.robot,
-                self.data,
-                &now.fit.model,
-                candidate,
-                self.scales,
-            ))
-        };
-        let judged: Vec<Judged> = new.par_iter().map(one).collect();
-        let keys = new.iter().map(|candidate| candidate.key());
-        let entries = keys.zip(judged).map(|(key, judged)| (own.clone(), key, judged));
-        steps.tried.extend(entries);
-        candidates.iter().filter_map(|c| known(steps, c)).collect()
-    }
-
-    /// The best single effect that is worth it and significant, else the best pair.
-    fn choose(&self, now: &Judged, candidates: &[Candidate], tried: &[Judged]) -> Option<Judged> {
-        if let Some(best) = self.best(now, tried, candidates.len()) {
-            return Some(best);
-        }
-        let mut order: Vec<usize> = (0..tried.len()).collect();
-        order.sort_by(|&a, &b| total(&tried[a].cross).total_cmp(&total(&tried[b].cross)));
-        order.truncate(PAIRED);
-        let pairs: Vec<(usize, usize)> = order
-            .iter()
-            .enumerate()
-            .flat_map(|(i, &a)| order[i + 1..].iter().map(move |&b| (a, b)))
-            .filter(|&(a, b)| (candidates[a].kind, candidates[a].target) != (candidates[b].kind, candidates[b].target))
-            .collect();
-        let pair = |&(a, b): &(usize, usize)| {
-            let fit = candidates::fit(self.robot, self.data, &tried[a].fit.model, &candidates[b], self.scales);
-            self.judge(fit)
-        };
-        let pairs: Vec<Judged> = pairs.par_iter().map(pair).collect();
-        // A pair must be worth two effects.
-        let count = candidates.len() * candidates.len() / 2;
-        let best = self.best(now, &pairs, count)?;
-        let gain = self.folds.gain(&now.cross, &best.cross);
-        (gain.share >= 2.0 * WORTH).then_some(best)
-    }
-
-    /// The best of `tried`; among those no worse, one with fewer numbers.
-    fn best(&self, now: &Judged, tried: &[Judged], count: usize) -> Option<Judged> {
-        let good = |judged: &&Judged| {
-            let gain = self.folds.gain(&now.cross, &judged.cross);
-            self.worth(&now.cross, &gain) && gain.p * count as f64 <= FALSE_ALARM
-        };
-        let good: Vec<&Judged> = tried.iter().filter(good).collect();
-        let best = *good.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)))?;
-        let own = |judged: &Judged| size(&judged.fit.model);
-        let simpler = good
-            .iter()
-            .filter(|other| own(other) < own(best) && !self.apart(&other.cross, &best.cross));
-        Some(simpler.min_by_key(|other| own(other)).copied().unwrap_or(best).clone())
-    }
-
     /// Whether `better` predicts better than `worse` beyond chance. What is off by no more than noise cannot be ruled out,
     /// whatever predicts better.
     fn apart(&self, worse: &[Loss], better: &[Loss]) -> bool {
@@ -384,105 +293,6 @@ impl Selector<'_> {
         let judged = self.fit(model);
         steps.known.push((own, judged.clone()));
         judged
-    }
-
-    /// Takes out what the model predicts as well without.
-    fn drop_needless(&self, steps: &mut Steps) {
-        let mut i = 0;
-        while i < steps.now.fit.model.terms.len() {
-            let mut model = steps.now.fit.model.clone();
-            model.terms.remove(i);
-            let without = self.known(steps, &model);
-            let gain = self.folds.gain(&without.cross, &steps.now.cross);
-            if self.worth(&without.cross, &gain) && gain.p <= APART {
-                i += 1;
-            } else {
-                steps.now = without;
-                i = 0;
-            }
-        }
-    }
-
-    /// Tries a single effect in the place of every two that were taken: steps take the best next one, and two that each
-    /// explain a part can stand where one explains both.
-    fn merge(&self, steps: &mut Steps) {
-        'again: loop {
-            let count = steps.now.fit.model.terms.len();
-            for i in 0..count {
-                for j in i + 1..count {
-                    let mut base = steps.now.fit.model.clone();
-                    let second = base.terms.remove(j);
-                    let first = base.terms.remove(i);
-                    let without = self.known(steps, &base);
-                    let candidates = self.rivals(&without.fit.model, &[&first, &second]);
-                    let tried = self.try_all(steps, &without, &candidates);
-                    let best = tried.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
-                    if let Some(best) = best.filter(|best| !self.apart(&best.cross, &steps.now.cross)) {
-                        steps.now = best.clone();
-                        continue 'again;
-                    }
-                }
-            }
-            return;
-        }
-    }
-
-    /// Tries every other effect in the place of each that was taken. A better one takes its place; equally good ones are
-    /// returned.
-    fn exchange(&self, steps: &mut Steps) -> Vec<Alike> {
-        let mut alike = Vec::new();
-        for i in 0..steps.now.fit.model.terms.len() {
-            let mut base = steps.now.fit.model.clone();
-            let mut term = base.terms.remove(i);
-            let without = self.known(steps, &base);
-            let candidates = self.rivals(&without.fit.model, &[&term]);
-            let tried = self.try_all(steps, &without, &candidates);
-            let better = (0..tried.len())
-                .filter(|&k| {
-                    size(&tried[k].fit.model) <= size(&steps.now.fit.model)
-                        && self.apart(&steps.now.cross, &tried[k].cross)
-                })
-                .min_by(|&a, &b| total(&tried[a].cross).total_cmp(&total(&tried[b].cross)));
-            if let Some(k) = better {
-                // The exchanged term stands last; terms are visited by place, so it takes the old one's.
-                let mut model = tried[k].fit.model.clone();
-                model.terms[i..].rotate_right(1);
-                steps.now = self.fit(&model);
-                term = model.terms[i].clone();
-            }
-            let mut others: Vec<(Kind, usize)> = Vec::new();
-            for (candidate, judged) in candidates.iter().zip(&tried) {
-                let helps = self.worth(&without.cross, &self.folds.gain(&without.cross, &judged.cross));
-                // What needs more numbers to do the same is no equal explanation.
-                let plain = size(&judged.fit.model) <= size(&steps.now.fit.model);
-                let own = (candidate.kind, candidate.target);
-                if own == (term.kind, term.target) {
-                    continue;
-                }
-                if helps && plain && !self.apart(&judged.cross, &steps.now.cross) && !others.contains(&own) {
-                    others.push(own);
-                }
-            }
-            if !others.is_empty() {
-                alike.push(Alike {
-                    chosen: (term.kind, term.target),
-                    others,
-                });
-            }
-        }
-        alike
-    }
-
-    /// Probability by chance of what each term gains beside the others, corrected for the number of effects tried.
-    fn p_values(&self, steps: &mut Steps) -> Vec<f64> {
-        let now = steps.now.clone();
-        let one = |i: usize| {
-            let mut model = now.fit.model.clone();
-            model.terms.remove(i);
-            let without = self.known(steps, &model);
-            (self.folds.gain(&without.cross, &now.cross).p * steps.most.max(1) as f64).min(1.0)
-        };
-        (0..now.fit.model.terms.len()).map(one).collect()
     }
 
     fn reason(&self, gain: &Gain, count: usize) -> String {
@@ -505,22 +315,4 @@ pub fn is_above(loss: f64, floor: f64, negligible: f64) -> bool {
 /// Numbers of the effects that are fitted.
 fn size(model: &Model) -> usize {
     model.terms.iter().map(|term| term.free.len()).sum()
-}
-
-fn note(rejected: &mut Vec<Rejected>, candidate: &Candidate, gain: Gain) {
-    let own = (candidate.kind, candidate.target);
-    match rejected.iter_mut().find(|r| (r.kind, r.target) == own) {
-        // The last step counts: it is what the effect does beside all that was taken.
-        Some(rejected) => {
-            rejected.most = rejected.most.max(gain.share);
-            rejected.gain = gain;
-        }
-        None => rejected.push(Rejected {
-            kind: candidate.kind,
-            target: candidate.target,
-            most: gain.share,
-            gain,
-            reason: String::new(),
-        }),
-    }
 }

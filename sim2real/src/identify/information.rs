@@ -1,0 +1,68 @@
+//! What logs can tell of the nominal model before anything is fitted: the Fisher information of its parameters.
+//!
+//! With encoders whose noise is white, no estimate without bias spreads less than the inverse of the information allows
+//! (Cramér and Rao). Real residuals are neither white nor small: intervals of what was fitted are wider.
+
+use nalgebra::DMatrix;
+use omniwalk_env::robot::{JointKind, Robot};
+use serde::Serialize;
+
+use super::fit::{Data, sum};
+use super::interval::told;
+use super::model::Model;
+use super::noise;
+use super::scales::Scales;
+
+/// Noise of an encoder is at least this share of the range of motion.
+const QUIETEST: f64 = 1e-6;
+
+/// What the logs can tell of a parameter of the nominal model.
+#[derive(Clone, Debug, Serialize)]
+pub struct Information {
+    /// The joint.
+    pub joint: String,
+    /// The parameter's key.
+    pub parameter: &'static str,
+    /// Its nominal value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Smallest standard deviation that an estimate can have beside the others'; none where the logs do not tell it, or do not
+    /// tell it from others.
+    pub deviation: Option<f64>,
+}
+
+/// The information that `data` hold about the parameters of `nominal`. Sets the weights of the data.
+pub fn information(robot: &Robot, data: &mut Data, nominal: &Model, scales: &Scales) -> Vec<Information> {
+    let weight = |d: usize| 1.0 / noise::sensor(&data.trials, d).max(QUIETEST * scales.joints[d].position);
+    data.weights = (0..robot.dofs.len()).map(weight).collect();
+    let n = nominal.tuned.len();
+    let (_, slopes) = data.slopes(nominal, scales);
+    let (_, fisher) = sum(&slopes, &|_| true, n);
+    let told = told(&fisher);
+    let small = DMatrix::from_fn(told.len(), told.len(), |a, b| fisher[(told[a], told[b])]);
+    let inverse = small.cholesky().map(|factor| factor.inverse());
+    let deviation = |i: usize| {
+        let at = told.iter().position(|&own| own == i)?;
+        let variance = inverse.as_ref()?[(at, at)];
+        Some(variance.max(0.0).sqrt() * nominal.tuned[i].nominal)
+    };
+    let of = |(i, tuned): (usize, &super::model::Tuned)| {
+        let joint = robot.dof(tuned.dof);
+        Information {
+            joint: joint.name.clone(),
+            parameter: tuned.own.key(),
+            value: tuned.nominal,
+            unit: tuned.own.scale().unit(joint.kind == JointKind::Prismatic),
+            deviation: deviation(i),
+        }
+    };
+    nominal.tuned.iter().enumerate().map(of).collect()
+}
+
+/// What cannot be told, for the terminal; empty where all can.
+pub fn untold(information: &[Information]) -> String {
+    let own = information.iter().filter(|own| own.deviation.is_none());
+    let names: Vec<String> = own.map(|own| format!("{} of {}", own.parameter, own.joint)).collect();
+    names.join(", ")
+}

@@ -1,0 +1,131 @@
+//! After the steps: what is needless goes, one effect takes the place of two, and what predicts as well is named with it.
+
+use omniwalk_env::effect::Kind;
+
+use super::super::candidates::refinements;
+use super::super::fit::total;
+use super::super::model::Model;
+use super::{APART, Alike, Selector, Steps, size};
+
+impl Selector<'_> {
+    /// Takes out what the model predicts as well without: effects, and what refines them.
+    pub(super) fn drop_needless(&self, steps: &mut Steps) {
+        'again: loop {
+            for model in reduced(&steps.now.fit.model) {
+                let without = self.known(steps, &model);
+                let gain = self.folds.gain(&without.cross, &steps.now.cross);
+                if !self.worth(&without, &steps.now, &gain) || gain.p > APART {
+                    steps.now = without;
+                    continue 'again;
+                }
+            }
+            return;
+        }
+    }
+
+    /// Tries a single effect in the place of every two that were taken: steps take the best next one, and two that each
+    /// explain a part can stand where one explains both.
+    pub(super) fn merge(&self, steps: &mut Steps) {
+        'again: loop {
+            let count = steps.now.fit.model.terms.len();
+            for i in 0..count {
+                for j in i + 1..count {
+                    let mut base = steps.now.fit.model.clone();
+                    let second = base.terms.remove(j);
+                    let first = base.terms.remove(i);
+                    let without = self.known(steps, &base);
+                    let candidates = self.rivals(&without.fit.model, &[&first, &second]);
+                    let tried = self.try_all(steps, &without, &candidates);
+                    let best = tried.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
+                    if let Some(best) = best.filter(|best| !self.apart(&best.cross, &steps.now.cross)) {
+                        steps.now = best.clone();
+                        continue 'again;
+                    }
+                }
+            }
+            return;
+        }
+    }
+
+    /// Tries every other effect in the place of each that was taken. A better one takes its place; equally good ones are
+    /// returned.
+    pub(super) fn exchange(&self, steps: &mut Steps) -> Vec<Alike> {
+        let mut alike = Vec::new();
+        for i in 0..steps.now.fit.model.terms.len() {
+            let mut base = steps.now.fit.model.clone();
+            let mut term = base.terms.remove(i);
+            let without = self.known(steps, &base);
+            let candidates = self.rivals(&without.fit.model, &[&term]);
+            let tried = self.try_all(steps, &without, &candidates);
+            let better = (0..tried.len())
+                .filter(|&k| {
+                    size(&tried[k].fit.model) <= size(&steps.now.fit.model)
+                        && self.apart(&steps.now.cross, &tried[k].cross)
+                })
+                .min_by(|&a, &b| total(&tried[a].cross).total_cmp(&total(&tried[b].cross)));
+            if let Some(k) = better {
+                // The exchanged term stands last; terms are visited by place, so it takes the old one's.
+                let mut model = tried[k].fit.model.clone();
+                model.terms[i..].rotate_right(1);
+                steps.now = self.fit(&model);
+                term = model.terms[i].clone();
+            }
+            let mut others: Vec<(Kind, usize)> = Vec::new();
+            for (candidate, judged) in candidates.iter().zip(&tried) {
+                let helps = self.worth(&without, judged, &self.folds.gain(&without.cross, &judged.cross));
+                // What needs more numbers to do the same is no equal explanation.
+                let plain = size(&judged.fit.model) <= size(&steps.now.fit.model);
+                let own = (candidate.kind, candidate.target);
+                if own == (term.kind, term.target) {
+                    continue;
+                }
+                if helps && plain && !self.apart(&judged.cross, &steps.now.cross) && !others.contains(&own) {
+                    others.push(own);
+                }
+            }
+            if !others.is_empty() {
+                alike.push(Alike {
+                    chosen: (term.kind, term.target),
+                    others,
+                });
+            }
+        }
+        alike
+    }
+
+    /// Probability by chance of what each term gains beside the others, corrected for the number of effects tried.
+    pub(super) fn p_values(&self, steps: &mut Steps) -> Vec<f64> {
+        let now = steps.now.clone();
+        let one = |i: usize| {
+            let mut model = now.fit.model.clone();
+            model.terms.remove(i);
+            let without = self.known(steps, &model);
+            (self.folds.gain(&without.cross, &now.cross).p * steps.most.max(1) as f64).min(1.0)
+        };
+        (0..now.fit.model.terms.len()).map(one).collect()
+    }
+}
+
+/// `model` without each of its effects, and without what refines them.
+fn reduced(model: &Model) -> Vec<Model> {
+    let mut out = Vec::new();
+    for (i, term) in model.terms.iter().enumerate() {
+        let mut without = model.clone();
+        without.terms.remove(i);
+        out.push(without);
+        let info = term.kind.info();
+        for group in refinements(term.kind)
+            .iter()
+            .filter(|group| term.free.contains(&group[0]))
+        {
+            let mut plain = model.clone();
+            let own = &mut plain.terms[i];
+            own.free.retain(|number| !group.contains(number));
+            for &number in *group {
+                own.values[number] = info.parameters[number].default.unwrap_or(0.0);
+            }
+            out.push(plain);
+        }
+    }
+    out
+}
