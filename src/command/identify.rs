@@ -23,6 +23,9 @@ pub struct Args {
     /// The robot: a folder or a URDF.
     #[arg(long, value_name = "FILE")]
     robot: PathBuf,
+    /// The logs are of a robot on a stand: its base is held, its feet hang free. The robot that is written walks as before.
+    #[arg(long)]
+    stand: bool,
     /// Column map.
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
@@ -49,7 +52,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
         pool.build_global().into_diagnostic()?;
     }
-    let robot = load::robot(&args.robot)?;
+    let robot = load::held(&args.robot, args.stand)?;
     let map = args.map.as_deref().map(Map::load).transpose()?;
     let logs = load::recordings(&args.logs, map.as_ref())?;
     let open = || -> Result<_, RecordingError> {

@@ -9,6 +9,7 @@ use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_controller::Policy;
 use omniwalk_controller::file::MAX_LEN;
 use omniwalk_env::robot::{self, Robot};
+use omniwalk_sim2real::identify::STAND;
 use omniwalk_sim2real::recording::{self, Map, Recording, RecordingError};
 
 use crate::config::{ConfigError, Layers};
@@ -33,6 +34,16 @@ pub fn settings(file: Option<&Path>, changes: &[String]) -> Result<(Settings, St
 /// The robot at `path`.
 pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
     Ok(Arc::new(robot::load(path)?))
+}
+
+/// The robot at `path`, on a stand if `stand`.
+pub fn held(path: &Path, stand: bool) -> miette::Result<Arc<Robot>> {
+    let robot = robot(path)?;
+    Ok(if stand {
+        Arc::new(robot.on_a_stand(STAND))
+    } else {
+        robot
+    })
 }
 
 /// The recordings in the logs at `paths`.

@@ -19,6 +19,9 @@ pub struct Args {
     /// The robot: a folder or a URDF.
     #[arg(long, value_name = "FILE")]
     robot: PathBuf,
+    /// The logs are of a robot on a stand: its base is held, its feet hang free.
+    #[arg(long)]
+    stand: bool,
     /// Column map.
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
@@ -32,7 +35,7 @@ pub struct Args {
 /// # Errors
 /// Whatever is wrong with logs, map or robot.
 pub fn run(args: &Args) -> miette::Result<()> {
-    let robot = load::robot(&args.robot)?;
+    let robot = load::held(&args.robot, args.stand)?;
     let map = args.map.as_deref().map(recording::Map::load).transpose()?;
     let recordings = load::recordings(&args.logs, map.as_ref())?;
     let Replay { measure, torque } = identify::replay(&robot, &recordings)?;

@@ -185,9 +185,7 @@ fn flight(robot: &Robot) -> Motion {
 
 /// The robot bolted to a stand.
 fn on_a_stand(robot: &Robot) -> (Robot, Special) {
-    let mut stand = robot.clone();
-    stand.base = Base::Fixed;
-    stand.base_pose = Vector3::new(0.0, 0.0, STAND).into();
+    let stand = robot.on_a_stand(STAND);
     let special = Special {
         stand: Some([0.0, 0.0, STAND]),
         without: LEGS,

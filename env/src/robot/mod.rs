@@ -250,6 +250,15 @@ impl Robot {
         self.mirror.as_ref().map(|map| map.iter().map(single).collect())
     }
 
+    /// The robot with its base bolted to a stand, upright and so high (m) that its feet hang free.
+    pub fn on_a_stand(&self, height: f64) -> Self {
+        Self {
+            base: Base::Fixed,
+            base_pose: Vector3::new(0.0, 0.0, height).into(),
+            ..self.clone()
+        }
+    }
+
     /// The joint behind degree of freedom `d`.
     pub fn dof(&self, d: usize) -> &Joint {
         &self.joints[self.dofs[d]]

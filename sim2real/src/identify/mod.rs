@@ -76,12 +76,15 @@ pub enum IdentifyError {
     },
     /// The robot walks freely.
     #[error("robot `{robot}` has a floating base: identification works on rigs, arms and robots on a stand")]
-    #[diagnostic(help("set base = \"fixed\" in the robot's TOML for logs from a stand"))]
+    #[diagnostic(help("give --stand where the logs are of a robot on a stand"))]
     Floating {
         /// The robot.
         robot: String,
     },
 }
+
+/// Height of the stand that robots with feet hang on, m.
+pub const STAND: f64 = 2.0;
 
 /// Physics steps a millisecond where one is too coarse.
 const FINER: usize = 4;
@@ -196,7 +199,9 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
         None => split.heldout.clone(),
     };
     let with = write::extended(task, &selection, &left, &intervals)?;
-    let corrected = omniwalk_env::robot::load(&with)?;
+    let mut corrected = omniwalk_env::robot::load(&with)?;
+    // What walks freely may have been identified on a stand.
+    (corrected.base, corrected.base_pose) = (robot.base, robot.base_pose);
     outcome::outcome(
         outcome::Parts {
             robot,

@@ -4,7 +4,8 @@ mod bad;
 mod rig;
 
 use omniwalk_env::effect::Kind;
-use omniwalk_sim2real::identify::{Outcome, Verdict};
+use omniwalk_env::robot::Base;
+use omniwalk_sim2real::identify::{Outcome, STAND, Verdict, replay};
 use rig::{identify, logs, rig};
 
 /// Every name in the accepted effects and the sets that cannot be told apart.
@@ -48,6 +49,19 @@ fn is_found(kind: Kind, values: &[f64]) {
 }
 
 #[test]
+fn a_robot_that_walks_freely_is_identified_on_a_stand() {
+    let fixed = rig(&[]);
+    let own = logs(&fixed, 3, 0);
+    let mut free = fixed.clone();
+    free.base = Base::Floating;
+    let refused = replay(&free, &own).map(|_| ()).expect_err("a refusal");
+    assert!(refused.to_string().contains("floating base"), "{refused}");
+    let errors =
+        [&free.on_a_stand(STAND), &fixed].map(|robot| replay(robot, &own).expect("a replay").measure.overall());
+    assert!((errors[0] - errors[1]).abs() < 1e-9, "{errors:?}");
+}
+
+#[test]
 fn friction_that_rises_towards_rest_is_found() {
     is_found(Kind::StribeckFriction, &[0.12, 0.4]);
 }
@@ -71,7 +85,7 @@ fn a_limit_of_the_target_s_speed_is_found() {
 fn a_target_that_never_catches_up_is_simulated_from_where_it_was() {
     // Half a rad/s behind targets that go at several: what is off at the start of a rollout would stay off.
     let truth = rig(&[(Kind::CommandRateLimit, &[0.5])]);
-    let replay = omniwalk_sim2real::identify::replay(&truth, &logs(&truth, 3, 0)).expect("a replay");
+    let replay = replay(&truth, &logs(&truth, 3, 0)).expect("a replay");
     let error = replay.measure.overall();
     assert!(error < 2.0 * rig::NOISE, "{error}");
 }
