@@ -27,6 +27,13 @@ pub struct Relation {
     pub ratio: f64,
 }
 
+impl Relation {
+    /// Whether the lag explains half of what is left without it: slow motion goes as well with a command of any time.
+    pub(super) fn lag_matters(&self) -> bool {
+        1.0 - self.best_correlation.powi(2) < 0.5 * (1.0 - self.correlation.powi(2))
+    }
+}
+
 /// Position and mean speed over a short time.
 pub(super) struct Slope {
     pub time: f64,

@@ -227,7 +227,7 @@ impl Findings {
         }
         if let Some(relation) = check
             .following
-            .filter(|relation| relation.best_correlation > 0.9 && relation.lag < -0.015)
+            .filter(|relation| relation.best_correlation > 0.9 && relation.lag < -0.015 && relation.lag_matters())
         {
             let message = format!(
                 "the position moves {:.0} ms before its command: the clocks of the two are apart",

@@ -207,3 +207,24 @@ fn a_motor_that_is_off_need_not_follow_and_what_is_odd_is_noted() {
         assert!(faults.contains(&fault), "{fault:?} in {check}");
     }
 }
+
+#[test]
+fn a_position_ahead_of_its_command_is_noted_unless_the_motion_is_too_slow_to_tell() {
+    let noted = |log: Recording| {
+        let check = Check::new(&[log], &arm());
+        check.remarks.iter().any(|finding| finding.fault == Fault::ClockOffset)
+    };
+    let mut late = good(6.0);
+    for joint in &mut late.joints {
+        joint.command.time.iter_mut().for_each(|time| *time += 0.11);
+    }
+    assert!(noted(late) && !noted(good(6.0)));
+    // A lift that comes to rest early, where the joint sticks.
+    let mut slow = good(6.0);
+    for joint in &mut slow.joints {
+        joint.command = series(6.0, |t| (0.3 * t).min(1.5) - 0.1 * (t - 4.0).max(0.0));
+        joint.position = series(6.0, |t| (0.3 * t).min(0.9) + noise(t));
+        joint.velocity = Series::default();
+    }
+    assert!(!noted(slow));
+}

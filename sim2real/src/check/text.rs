@@ -9,12 +9,12 @@ const LISTED: usize = 40;
 
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "  joint                  read Hz  jitter  gap s  repeats  command Hz  lag ms   range             fastest  coverage"
+        )?;
         for log in self.logs.iter().take(LISTED) {
-            writeln!(f, "{}: {:.2} s, {} joints", log.name, log.seconds, log.joints.len())?;
-            writeln!(
-                f,
-                "  joint                  read Hz  jitter  gap s  repeats  command Hz  lag ms   range             fastest  coverage"
-            )?;
+            writeln!(f, "{}: {:.2} s, joints: {}", log.name, log.seconds, log.joints.len())?;
             for joint in log.joints.iter().take(LISTED) {
                 row(f, joint)?;
             }
