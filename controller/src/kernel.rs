@@ -324,7 +324,8 @@ mod tests {
 
     #[test]
     fn activations_agree_with_the_library() {
-        for i in -200_000..200_000 {
+        // An interpreter takes a thousandth of them.
+        for i in (-200_000..200_000).step_by(if cfg!(miri) { 997 } else { 1 }) {
             let x = i as f32 * 1e-4;
             let exact = f64::from(x);
             assert!((f64::from(tanh::<false>(x)) - exact.tanh()).abs() < 1e-6, "tanh {x}");

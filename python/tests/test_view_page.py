@@ -147,6 +147,24 @@ def test_it_fits_a_phone_and_a_stick_drives(browser, pictures, tmp_path):
         assert page.tab.locator("#conditions").is_visible()
 
 
+def test_a_gamepad_drives(browser, tmp_path):
+    with viewing(POLICY, "--out", tmp_path) as view, Page(browser, view, DESK) as page, view.drive() as drive:
+        page.walks()
+        # No machine of the tests has one: the browser says that one is there, with its left stick forward and its right one to the left.
+        pad = "{connected: true, axes: [0, -0.8, -0.5, 0]}"
+        page.tab.evaluate(f"navigator.getGamepads = () => [null, {pad}]")
+        asked = pytest.approx([0.8 * 0.6, 0.0, 0.5 * 0.6], abs=1e-3)
+        row = drive.next("row", lambda row: [row[f"command_{axis}"] for axis in ("x", "y", "turn")] == asked, PATIENCE)
+        drive.next("row", lambda row: row["velocity_x"] > 0.2 and row["velocity_turn"] > 0.1, PATIENCE)
+        # What a stick at rest shows is nothing, and one that is unplugged lets go.
+        page.tab.evaluate("navigator.getGamepads = () => [{connected: true, axes: [0.1, 0.1, -0.1, 0]}]")
+        drive.next("row", lambda row: row["command_x"] == row["command_turn"] == 0.0, PATIENCE)
+        page.tab.evaluate(f"navigator.getGamepads = () => [{pad}]")
+        drive.next("row", lambda row: row["command_x"] > 0.0, PATIENCE)
+        page.tab.evaluate("navigator.getGamepads = () => [null]")
+        drive.next("row", lambda row: row["command_x"] == 0.0, PATIENCE)
+
+
 def test_without_the_token_the_page_says_what_to_do(browser, tmp_path):
     with viewing(POLICY, "--out", tmp_path) as view:
         tab = browser.new_page()
