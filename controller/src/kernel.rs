@@ -349,7 +349,9 @@ mod tests {
 
     #[test]
     fn every_instruction_set_agrees_with_a_sum_in_double_precision() {
-        for (inputs, outputs) in [(1, 1), (49, 512), (512, 32), (130, 65), (40, 110)] {
+        let sizes = [(1, 1), (130, 65), (40, 110), (49, 512), (512, 32)];
+        // An interpreter leaves the large ones out.
+        for &(inputs, outputs) in &sizes[..if cfg!(miri) { 3 } else { 5 }] {
             let value = |i: usize| ((i * 7919 % 1000) as f32 / 1000.0 - 0.5) / (inputs as f32).sqrt();
             let weights: Vec<f32> = (0..inputs * outputs).map(value).collect();
             let bias: Vec<f32> = (0..outputs).map(value).collect();

@@ -194,6 +194,13 @@ fn a_policy_joint_without_limits_is_refused() {
 }
 
 #[test]
+fn a_text_that_readers_of_xml_do_not_agree_on_is_refused() {
+    // Found by fuzzing: what follows the second `<?` is another file to one of them.
+    let urdf = format!("<?odd<?x><link name=\"other\"/><link version=\"1.0\"?>{URDF}");
+    refused(&urdf, None, 2, "not the same to every reader");
+}
+
+#[test]
 fn elements_nested_a_million_deep_are_refused() {
     let urdf = format!(
         "<robot name=\"deep\">{}{}</robot>",

@@ -39,6 +39,9 @@ impl Urdf {
                 "see the URDF reference for this element",
             )
         })?;
+        let own = robot.links.iter().map(|link| &link.name);
+        same(&source, &links, own)?;
+        same(&source, &joints, robot.joints.iter().map(|joint| &joint.name))?;
         let ends = ends(&source, &links, &joints)?;
         let root = root(&source, &links, &joints, &ends)?;
         let limits = joints.iter().map(limits).collect();
@@ -194,6 +197,25 @@ fn limits(joint: &Element) -> Option<(f64, f64)> {
     match (value("lower"), value("upper")) {
         (None, None) => None,
         (lower, upper) => Some((lower.unwrap_or(0.0), upper.unwrap_or(0.0))),
+    }
+}
+
+/// Refuses a text whose links or joints are not the same to both readers of XML: they end `<?x <?y> ?>` at different places.
+fn same<'a>(
+    source: &Source,
+    elements: &[Element],
+    names: impl ExactSizeIterator<Item = &'a String>,
+) -> Result<(), RobotError> {
+    let count = names.len();
+    let mut pairs = elements.iter().zip(names);
+    let other = pairs.find(|(element, name)| element.attribute("name") != Some(name));
+    match other.map(|(element, _)| element).or(elements.get(count)) {
+        None if elements.len() == count => Ok(()),
+        element => Err(source.error(
+            element.map_or(0..0, Element::range),
+            "links and joints are not the same to every reader of XML",
+            "take processing instructions (<? ... ?>) out of the file",
+        )),
     }
 }
 

@@ -44,7 +44,7 @@ impl Folds {
     /// Folds by log, or by stretches of time within the logs where there are few: an effect that only one of them shows
     /// must be learnt from it and predicted in it.
     pub fn new(data: &Data) -> Self {
-        let log_of: Vec<usize> = block_trials(data).iter().map(|&t| data.trials[t].log).collect();
+        let log_of = block_logs(data);
         let logs = 1 + log_of.iter().copied().max().unwrap_or(0);
         let fold_of_log = by_log(logs);
         let mut folds = Self {
@@ -159,12 +159,12 @@ impl Folds {
     }
 }
 
-/// The trial of each block.
-pub fn block_trials(data: &Data) -> Vec<usize> {
+/// The log of each block.
+fn block_logs(data: &Data) -> Vec<usize> {
     let ends = data.first_block.iter().skip(1).copied().chain([data.blocks]);
     let mut out = Vec::with_capacity(data.blocks);
-    for (t, end) in ends.enumerate() {
-        out.resize(end, t);
+    for (trial, end) in data.trials.iter().zip(ends) {
+        out.resize(end, trial.log);
     }
     out
 }

@@ -28,9 +28,9 @@ pub struct Data {
     pub robots: Vec<Robot>,
     /// One a degree of freedom: residuals are multiplied with it.
     pub weights: Vec<f64>,
-    /// Index of each trial's first block among those of all trials.
+    /// Index of the first block of each trial's log among those of all logs.
     pub first_block: Vec<usize>,
-    /// Blocks of all trials.
+    /// Blocks of all logs.
     pub blocks: usize,
     /// Physics steps a millisecond.
     pub finer: usize,
@@ -82,10 +82,15 @@ impl Data {
             .map(|trial| trial.robot(robot))
             .collect::<Result<_, _>>()?;
         let mut first_block = Vec::with_capacity(trials.len());
-        let mut blocks = 0;
-        for trial in &trials {
-            first_block.push(blocks);
-            blocks += trial.readings.iter().map(|r| r.block + 1).max().unwrap_or(0);
+        let (mut first, mut blocks) = (0, 0);
+        for (t, trial) in trials.iter().enumerate() {
+            // Pieces of a log share its blocks.
+            if t > 0 && trials[t - 1].log != trial.log {
+                first = blocks;
+            }
+            first_block.push(first);
+            let own = trial.readings.iter().map(|r| r.block + 1).max().unwrap_or(0);
+            blocks = blocks.max(first + own);
         }
         Ok(Self {
             trials,

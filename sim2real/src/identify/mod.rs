@@ -5,8 +5,14 @@
 //!     nominal --refit--> re-tuned --select, cross--> + effects --torque--> what is left, and what it depends on
 //! ```
 //!
+//! A robot whose base is held is followed through whole logs. One that walks freely is only replayed: it is started anew from the
+//! measured state every 0.3 s (multiple shooting), on level ground, with the base as its inertial measurement unit or odometry says and
+//! the lowest corners of its soles at rest on the ground. How fast its joints were is known too coarsely from encoders: the motion of
+//! the trunk makes more of that than of most effects, so nothing is concluded from what is left.
+//!
 //! The logs that are held out are asked for after the last choice was made: [`run`] takes a function that opens them.
 
+mod base;
 mod candidates;
 mod cross;
 mod fit;
@@ -55,6 +61,13 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Trial(#[from] TrialError),
+    /// The robot walks freely.
+    #[error("robot `{robot}` has a floating base: what its model lacks is found on rigs, arms and robots on a stand")]
+    #[diagnostic(help("give --stand where the logs are of a robot on a stand; replay compares logs of one that walks"))]
+    Floating {
+        /// The robot.
+        robot: String,
+    },
     /// An engine does not take the robot.
     #[error(transparent)]
     Engine(#[from] EngineError),
@@ -73,13 +86,6 @@ pub enum IdentifyError {
         path: String,
         /// Why.
         source: std::io::Error,
-    },
-    /// The robot walks freely.
-    #[error("robot `{robot}` has a floating base: identification works on rigs, arms and robots on a stand")]
-    #[diagnostic(help("give --stand where the logs are of a robot on a stand"))]
-    Floating {
-        /// The robot.
-        robot: String,
     },
 }
 
@@ -116,12 +122,12 @@ pub struct Replay {
     pub torque: BTreeMap<String, f64>,
 }
 
-/// Runs the logged commands through `robot`'s simulation and compares with the readings.
+/// Runs the logged commands through `robot`'s simulation and compares with the readings: whole logs where the base is held, stretches
+/// of 0.3 s from the measured state where it is not.
 ///
 /// # Errors
 /// [`IdentifyError`] when logs and robot do not fit together.
 pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError> {
-    fixed(robot)?;
     let trials = split::all(robot, logs)?;
     let scales = Scales::new(robot, &trials);
     let measure = measure(robot, &trials, 1)?;
@@ -141,23 +147,17 @@ pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError
     })
 }
 
-/// Refuses a robot that walks freely.
-fn fixed(robot: &Robot) -> Result<(), IdentifyError> {
-    if robot.base == Base::Fixed {
-        return Ok(());
-    }
-    Err(IdentifyError::Floating {
-        robot: robot.name.clone(),
-    })
-}
-
 /// Identifies the effects that the robot's model lacks; `log` hears of progress.
 ///
 /// # Errors
 /// [`IdentifyError`]. Logs that cannot carry an answer are no error: the verdict says so.
 pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError> {
     let robot = task.robot;
-    fixed(robot)?;
+    if robot.base == Base::Floating {
+        return Err(IdentifyError::Floating {
+            robot: robot.name.clone(),
+        });
+    }
     let split = split::split(robot, &task.logs, task.heldout.is_some())?;
     let check = Check::new(&task.logs, robot);
     log(check.to_string().trim_end());

@@ -131,6 +131,10 @@ pub fn discretisation(data: &Data, model: &Model) -> Result<Vec<f64>, EngineErro
 /// Spread of logs that repeat each other, of each degree of freedom: root mean square deviation from their mean, where
 /// the same robot got the same commands. `None` where no two logs do.
 pub fn repeats(trials: &[Trial], d: usize) -> Option<f64> {
+    // What walks freely does not repeat itself, whatever it is told.
+    if trials.iter().any(|trial| trial.base.is_some()) {
+        return None;
+    }
     let (mut squares, mut count) = (0.0, 0.0);
     for (i, a) in trials.iter().enumerate() {
         for b in trials[i + 1..]

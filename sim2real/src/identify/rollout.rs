@@ -8,7 +8,7 @@ use omniwalk_env::robot::Robot;
 
 use super::trial::{DT, LEAD, Trial, steps};
 
-/// Friction of a ground that nothing of a fixed base touches.
+/// Friction of the ground: what is walked on is not measured, and nothing of a fixed base touches it.
 const GROUND: Friction = Friction {
     tangential: 1.0,
     torsional: 0.01,
@@ -50,6 +50,9 @@ impl<'a> Rollout<'a> {
                 let (reading, velocity) = states[trial.begin() + late[d]];
                 start.joints[d] = true_position(robot, d, reading);
                 start.joint_velocities[d] = velocity;
+            }
+            if let Some(base) = &trial.base {
+                base.place(robot, &mut start);
             }
             engine.reset(w, &start, &World::nominal(robot, GROUND));
             for (d, told) in trial.told.iter().enumerate() {

@@ -18,8 +18,6 @@ const FOLLOW: f64 = 40.0;
 const EVERY: usize = 10;
 /// Time over which the measured velocity is taken, steps.
 const SLOPE: usize = 12;
-/// Time at the start that is not compared, s.
-const SETTLE: f64 = 0.25;
 
 /// A moment of a trial: the torque that one joint lacks, and everything it may depend on.
 #[derive(Clone, Debug)]
@@ -80,7 +78,7 @@ pub fn lacking(data: &Data, model: &Model, scales: &Scales) -> Result<Vec<Vec<Mo
                 if step % EVERY == EVERY - 1 {
                     let share = pulled[d] / EVERY as f64;
                     pulled[d] = 0.0;
-                    if step as f64 * DT > SETTLE && step as f64 >= begin {
+                    if step as f64 >= begin {
                         let motor = actuators.motor_torque(d, 0, engine.joints());
                         let own = [
                             engine.joints().position[d],

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
-use omniwalk_env::robot::Robot;
+use omniwalk_env::robot::{Base, Robot};
 
+use super::base::MeasuredBase;
 use crate::recording::{CommandKind, JointRecord, Recording, Series};
 
 /// Physics step of rollouts, s.
@@ -14,10 +15,26 @@ const ABOUT: f64 = 0.03;
 /// Longest delay whose past is known at the start of a rollout, s: it begins this late in the log.
 pub const LEAD: f64 = 0.15;
 
-/// Longest rollout, s; longer logs are cut, and every piece starts from the measured state.
-const LONGEST: f64 = 60.0;
-/// A rollout runs this long before it is compared, s: what its start did not know has died away.
-const WARM_UP: f64 = 0.5;
+/// How long a log is followed at a stretch, s: longer ones are cut, and every piece starts from the measured state.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    /// Longest piece that is compared.
+    longest: f64,
+    /// A rollout runs this long before it is compared: what its start did not know has died away.
+    warm_up: f64,
+}
+
+/// Of rigs, arms and robots on a stand.
+const HELD: Stretch = Stretch {
+    longest: 60.0,
+    warm_up: 0.5,
+};
+/// Of what walks freely: it diverges with the time in which it would fall, sqrt(height / g), and is started anew before that
+/// (multiple shooting). Contacts have formed and servos have answered after the warm-up.
+const FREE: Stretch = Stretch {
+    longest: 0.3,
+    warm_up: 0.06,
+};
 
 /// Why a log cannot be compared with a robot.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -46,6 +63,22 @@ pub enum TrialError {
         /// What is missing.
         what: &'static str,
     },
+    /// The robot walks freely, and nothing says how its base was.
+    #[error("log {log}: robot `{robot}` has a floating base, and the log does not say how it is oriented")]
+    #[diagnostic(help("record /imu with its orientation, or /odom; give --stand where the robot hung on a stand"))]
+    NoBase {
+        /// The log.
+        log: String,
+        /// The robot.
+        robot: String,
+    },
+    /// The robot walks freely, and has no feet.
+    #[error("robot `{robot}` has a floating base and no feet: what it stands on is not known")]
+    #[diagnostic(help("name its feet in the robot's TOML; give --stand where it hung on a stand"))]
+    NoFeet {
+        /// The robot.
+        robot: String,
+    },
     /// The log overrides something the robot does not have.
     #[error("log {log}: no parameter `{key}` to override")]
     #[diagnostic(help("kp, kd, supply_voltage, payload.mass, joint.NAME.kp and joint.NAME.kd can be overridden"))]
@@ -66,7 +99,7 @@ pub struct Reading {
     pub dof: usize,
     /// Measured position, rad or m.
     pub position: f64,
-    /// Which block of time it belongs to, counted from the trial's start.
+    /// Which block of time it belongs to, counted from the start of what is used of its log.
     pub block: usize,
 }
 
@@ -106,6 +139,8 @@ pub struct Trial {
     /// ([`Trial::begin`] steps) until 0.15 s after it: a reading that is late shows the start that much later, and a joint that
     /// is slow to follow is on its way since before.
     pub initial: Vec<Vec<(f64, f64)>>,
+    /// The base at the start, where it is not held.
+    pub base: Option<MeasuredBase>,
     /// Measured position at every step, linear between readings.
     pub measured: Vec<Vec<f64>>,
     /// What else was measured, by name, at every step; of the joint it was measured at, or of all.
@@ -125,77 +160,33 @@ impl Trial {
         block: f64,
     ) -> Result<Vec<Self>, TrialError> {
         let joints = joints(robot, recording)?;
-        let first = joints
-            .iter()
-            .map(|j| j.position.time[0])
-            .fold(f64::NEG_INFINITY, f64::max);
-        let last = joints.iter().map(|j| end(&j.position)).fold(f64::INFINITY, f64::min);
-        let (from, to) = (first + from, (first + to).min(last));
-        let pieces = ((to - from) / LONGEST).ceil().max(1.0) as usize;
+        let free = robot.base == Base::Floating;
+        let (known, stretch) = if free {
+            (base_known(robot, recording)?, FREE)
+        } else {
+            ((f64::NEG_INFINITY, f64::INFINITY), HELD)
+        };
+        let first = joints.iter().map(|j| j.position.time[0]).fold(known.0, f64::max);
+        let last = joints.iter().map(|j| end(&j.position)).fold(known.1, f64::min);
+        let earliest = first + LEAD + stretch.warm_up;
+        let (from, to) = ((first + from).max(earliest), (first + to).min(last));
+        let pieces = ((to - from) / stretch.longest).ceil().max(1.0) as usize;
         let length = (to - from) / pieces as f64;
+        let source = Source {
+            recording,
+            joints: &joints,
+            log,
+            from,
+            block,
+        };
         let piece = |i: usize| {
             let begin = from + i as f64 * length;
-            Self::piece(recording, &joints, log, (begin, begin + length), first, block)
+            let start = begin - stretch.warm_up;
+            let base = free.then(|| MeasuredBase::at(recording, start)).flatten();
+            // Where the base is not known for a while, nothing is compared.
+            (base.is_some() == free).then(|| source.piece(start, (begin, begin + length), base))
         };
-        Ok((0..pieces).map(piece).collect())
-    }
-
-    fn piece(
-        recording: &Recording,
-        joints: &[&JointRecord],
-        log: usize,
-        (from, to): (f64, f64),
-        first: f64,
-        block: f64,
-    ) -> Self {
-        // In the middle of a log a rollout begins before the piece does.
-        let (start, from) = if from > first + WARM_UP + LEAD {
-            (from - WARM_UP, from)
-        } else {
-            (first + LEAD, (first + LEAD + WARM_UP).max(from))
-        };
-        let steps = (((to - start) / DT).floor().max(0.0)) as usize;
-        let times: Vec<f64> = (0..=steps).map(|k| start + k as f64 * DT).collect();
-        let mut readings = Vec::new();
-        for (dof, joint) in joints.iter().enumerate() {
-            let series = &joint.position;
-            for (&time, &position) in series.time.iter().zip(&series.value) {
-                let at = (time - start) / DT;
-                if time >= from && at <= steps as f64 {
-                    let block = ((time - from) / block) as usize;
-                    readings.push(Reading {
-                        at,
-                        dof,
-                        position,
-                        block,
-                    });
-                }
-            }
-        }
-        readings.sort_by(|a, b| a.at.total_cmp(&b.at).then(a.dof.cmp(&b.dof)));
-        let own = joints.iter().enumerate().flat_map(|(d, joint)| {
-            joint
-                .extra
-                .iter()
-                .map(move |(name, series)| (Some(d), name.clone(), series))
-        });
-        let supply = (!recording.voltage.is_empty()).then(|| (None, "voltage".to_owned(), &recording.voltage));
-        let conditions = own.chain(supply).filter(|(_, _, series)| !series.is_empty());
-        Self {
-            name: recording.name.clone(),
-            log,
-            groups: recording.groups.clone(),
-            overrides: recording.overrides.clone(),
-            start,
-            steps,
-            told: joints.iter().map(|joint| told(joint, start, &times)).collect(),
-            readings,
-            initial: joints.iter().map(|joint| states(&joint.position, start)).collect(),
-            measured: joints.iter().map(|j| linear(&j.position, &times)).collect(),
-            conditions: conditions
-                .map(|(joint, name, series)| (joint, name, linear(series, &times)))
-                .collect(),
-        }
+        Ok((0..pieces).filter_map(piece).collect())
     }
 
     /// Index of the start in `initial`.
@@ -222,6 +213,80 @@ impl Trial {
         }
         Ok(robot)
     }
+}
+
+/// What pieces are cut from.
+struct Source<'a> {
+    recording: &'a Recording,
+    joints: &'a [&'a JointRecord],
+    log: usize,
+    /// Where what is used of the log begins, s.
+    from: f64,
+    /// Length of a block, s.
+    block: f64,
+}
+
+impl Source<'_> {
+    /// A rollout from `start` that is compared `from` and `to` s.
+    fn piece(&self, start: f64, (from, to): (f64, f64), base: Option<MeasuredBase>) -> Trial {
+        let Self { recording, joints, .. } = *self;
+        let steps = (((to - start) / DT).floor().max(0.0)) as usize;
+        let times: Vec<f64> = (0..=steps).map(|k| start + k as f64 * DT).collect();
+        let mut readings = Vec::new();
+        for (dof, joint) in joints.iter().enumerate() {
+            let series = &joint.position;
+            for (&time, &position) in series.time.iter().zip(&series.value) {
+                let at = (time - start) / DT;
+                if time >= from && at <= steps as f64 {
+                    let block = ((time - self.from) / self.block) as usize;
+                    readings.push(Reading {
+                        at,
+                        dof,
+                        position,
+                        block,
+                    });
+                }
+            }
+        }
+        readings.sort_by(|a, b| a.at.total_cmp(&b.at).then(a.dof.cmp(&b.dof)));
+        let own = joints.iter().enumerate().flat_map(|(d, joint)| {
+            joint
+                .extra
+                .iter()
+                .map(move |(name, series)| (Some(d), name.clone(), series))
+        });
+        let supply = (!recording.voltage.is_empty()).then(|| (None, "voltage".to_owned(), &recording.voltage));
+        let conditions = own.chain(supply).filter(|(_, _, series)| !series.is_empty());
+        Trial {
+            name: recording.name.clone(),
+            log: self.log,
+            groups: recording.groups.clone(),
+            overrides: recording.overrides.clone(),
+            start,
+            steps,
+            told: joints.iter().map(|joint| told(joint, start, &times)).collect(),
+            readings,
+            initial: joints.iter().map(|joint| states(&joint.position, start)).collect(),
+            base,
+            measured: joints.iter().map(|j| linear(&j.position, &times)).collect(),
+            conditions: conditions
+                .map(|(joint, name, series)| (joint, name, linear(series, &times)))
+                .collect(),
+        }
+    }
+}
+
+/// From when to when `recording` says how the base is, s.
+fn base_known(robot: &Robot, recording: &Recording) -> Result<(f64, f64), TrialError> {
+    if robot.feet.is_empty() {
+        return Err(TrialError::NoFeet {
+            robot: robot.name.clone(),
+        });
+    }
+    MeasuredBase::known(recording).ok_or_else(|| TrialError::NoBase {
+        log: recording.name.clone(),
+        robot: robot.name.clone(),
+    })
 }
 
 fn end(series: &Series) -> f64 {

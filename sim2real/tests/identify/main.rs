@@ -1,7 +1,9 @@
 //! Identification on logs of the project's own simulation, where the truth is known to the last digit.
 
 mod bad;
+mod record;
 mod rig;
+mod walker;
 
 use omniwalk_env::effect::Kind;
 use omniwalk_env::robot::Base;
@@ -55,7 +57,7 @@ fn a_robot_that_walks_freely_is_identified_on_a_stand() {
     let mut free = fixed.clone();
     free.base = Base::Floating;
     let refused = replay(&free, &own).map(|_| ()).expect_err("a refusal");
-    assert!(refused.to_string().contains("floating base"), "{refused}");
+    assert!(refused.to_string().contains("no feet"), "{refused}");
     let errors =
         [&free.on_a_stand(STAND), &fixed].map(|robot| replay(robot, &own).expect("a replay").measure.overall());
     assert!((errors[0] - errors[1]).abs() < 1e-9, "{errors:?}");
@@ -87,7 +89,7 @@ fn a_target_that_never_catches_up_is_simulated_from_where_it_was() {
     let truth = rig(&[(Kind::CommandRateLimit, &[0.5])]);
     let replay = replay(&truth, &logs(&truth, 3, 0)).expect("a replay");
     let error = replay.measure.overall();
-    assert!(error < 2.0 * rig::NOISE, "{error}");
+    assert!(error < 2.0 * record::NOISE, "{error}");
 }
 
 #[test]

@@ -2,40 +2,40 @@
 
 use std::path::Path;
 
-use omniwalk_env::actuators::Actuators;
 use omniwalk_env::effect::{self, Effect, Kind};
-use omniwalk_env::engine::lanes::{Lanes, Simd};
-use omniwalk_env::engine::{Engine, Friction, Start, World};
-use omniwalk_env::random::Stream;
 use omniwalk_env::robot::{self, Robot};
 use omniwalk_sim2real::identify::{self, Outcome, Task};
-use omniwalk_sim2real::recording::{JointRecord, Recording, Series};
+use omniwalk_sim2real::recording::Recording;
 
-/// Physics step, s: the integrator of what stands for a real machine must be no part of it.
-const DT: f64 = 1e-4;
-/// Steps between commands, and between readings.
-const EVERY: usize = 50;
-/// Length of a log, s.
-const SECONDS: f64 = 4.0;
-/// Noise of the encoder, rad.
-pub const NOISE: f64 = 5e-4;
+use super::record::record;
 
 const URDF: &str = r#"<robot name="rig"><link name="base"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <link name="arm"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"#;
 const TOML: &str = "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\nkp = 3.0\nkd = 0.05\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\ndamping = 0.02\nfriction = 0.04\n";
 
-/// Writes the nominal rig into `folder`.
-fn write(folder: &Path) {
-    std::fs::write(folder.join("rig.urdf"), URDF).expect("written");
-    std::fs::write(folder.join("robot.toml"), TOML).expect("written");
+/// The files of a robot: its URDF, and its TOML.
+pub type Files = (&'static str, &'static str);
+
+/// The rig's.
+const RIG: Files = (URDF, TOML);
+
+/// Writes the files of a robot into `folder`.
+fn write(folder: &Path, (urdf, toml): Files) {
+    std::fs::write(folder.join("rig.urdf"), urdf).expect("written");
+    std::fs::write(folder.join("robot.toml"), toml).expect("written");
+}
+
+/// The robot of `files`.
+pub fn load(files: Files) -> Robot {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), files);
+    robot::load(folder.path()).expect("a robot")
 }
 
 /// The rig with effects.
 pub fn rig(effects: &[(Kind, &[f64])]) -> Robot {
-    let folder = tempfile::tempdir().expect("a folder");
-    write(folder.path());
-    let mut robot = robot::load(folder.path()).expect("a robot");
+    let mut robot = load(RIG);
     for (kind, values) in effects {
         effect::apply(&mut robot, &Effect::new(*kind, 0, values));
     }
@@ -54,51 +54,14 @@ fn target(seed: u64, t: f64) -> f64 {
 
 /// `count` logs of `truth`, the first of them number `first`.
 pub fn logs(truth: &Robot, count: u64, first: u64) -> Vec<Recording> {
-    (first..first + count).map(|seed| log(truth, seed)).collect()
-}
-
-fn log(truth: &Robot, seed: u64) -> Recording {
-    let mut stream = Stream::new(seed, 0, 0);
-    let mut engine = Lanes::new(truth, DT, 1, Simd::Scalar).expect("an engine");
-    let mut actuators = Actuators::new(truth, DT, 1);
-    let ground = Friction {
-        tangential: 1.0,
-        torsional: 0.0,
-        rolling: 0.0,
-    };
-    engine.reset(0, &Start::nominal(truth), &World::nominal(truth, ground));
-    actuators.start(0, 0, (0.0, 0.0), 0.0);
-    let mut joint = JointRecord {
-        name: "hinge".into(),
-        ..JointRecord::default()
-    };
-    let push = |series: &mut Series, time: f64, value: f64| {
-        series.time.push(time);
-        series.value.push(value);
-    };
-    for step in 0..(SECONDS / DT) as usize {
-        let time = step as f64 * DT;
-        if step % EVERY == 0 {
-            let told = target(seed, time);
-            actuators.set_target(0, 0, told);
-            push(&mut joint.command, time, told);
-            let seen = actuators.read(0, 0, &engine.joints().position);
-            push(&mut joint.position, time, seen + stream.normal(NOISE));
-        }
-        engine.step(actuators.drive(engine.joints()));
-        actuators.sense(engine.joints());
-    }
-    Recording {
-        name: format!("log-{seed}"),
-        joints: vec![joint],
-        ..Recording::default()
-    }
+    let log = |seed| record(truth, seed, |_, t| target(seed, t));
+    (first..first + count).map(log).collect()
 }
 
 /// Identifies `robot` from `logs`.
 pub fn identify(robot: &Robot, logs: Vec<Recording>, heldout: Option<Vec<Recording>>) -> Outcome {
     let folder = tempfile::tempdir().expect("a folder");
-    write(folder.path());
+    write(folder.path(), RIG);
     let open = || Ok(heldout.clone().unwrap_or_default());
     let task = Task {
         robot,
