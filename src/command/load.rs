@@ -9,7 +9,6 @@ use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_controller::Policy;
 use omniwalk_controller::file::MAX_LEN;
 use omniwalk_env::robot::{self, Robot};
-use omniwalk_sim2real::identify::STAND;
 use omniwalk_sim2real::recording::{self, Map, Recording, RecordingError};
 
 use crate::config::{ConfigError, Layers};
@@ -40,7 +39,7 @@ pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
 pub fn held(path: &Path, stand: bool) -> miette::Result<Arc<Robot>> {
     let robot = robot(path)?;
     Ok(if stand {
-        Arc::new(robot.on_a_stand(STAND))
+        Arc::new(robot.on_a_stand())
     } else {
         robot
     })

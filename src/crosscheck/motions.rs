@@ -12,7 +12,7 @@ use omniwalk_env::engine::lanes::{CONTACT_DAMPING, CONTACT_STIFFNESS, Lanes, Sim
 use omniwalk_env::engine::rapier::Rapier;
 use omniwalk_env::engine::{Drive, Engine, EngineError, Friction, GRAVITY, Start, World};
 use omniwalk_env::random::Stream;
-use omniwalk_env::robot::{Base, Robot};
+use omniwalk_env::robot::{Base, Robot, STAND};
 
 use super::check::Check;
 use super::dynamics::weighed;
@@ -23,8 +23,7 @@ use super::network::largest;
 const STEPS: [f64; 3] = [0.001, 0.0005, 0.00025];
 /// Between samples, s.
 const INTERVAL: f64 = 0.01;
-/// Height of the stand and of the start of the free flight, m.
-const STAND: f64 = 2.0;
+/// Height of the start of the free flight, m.
 const FLIGHT: f64 = 8.0;
 /// Height of the drop, m.
 const DROP: f64 = 0.02;
@@ -185,7 +184,7 @@ fn flight(robot: &Robot) -> Motion {
 
 /// The robot bolted to a stand.
 fn on_a_stand(robot: &Robot) -> (Robot, Special) {
-    let stand = robot.on_a_stand(STAND);
+    let stand = robot.on_a_stand();
     let special = Special {
         stand: Some([0.0, 0.0, STAND]),
         without: LEGS,

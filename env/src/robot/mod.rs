@@ -29,6 +29,9 @@ use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
 use crate::effect::Effect;
 
+/// Height of the stand that robots are bolted to, m: feet hang free.
+pub const STAND: f64 = 2.0;
+
 /// How the base link is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
@@ -250,11 +253,11 @@ impl Robot {
         self.mirror.as_ref().map(|map| map.iter().map(single).collect())
     }
 
-    /// The robot with its base bolted to a stand, upright and so high (m) that its feet hang free.
-    pub fn on_a_stand(&self, height: f64) -> Self {
+    /// The robot with its base bolted to a stand, upright, [`STAND`] above the ground.
+    pub fn on_a_stand(&self) -> Self {
         Self {
             base: Base::Fixed,
-            base_pose: Vector3::new(0.0, 0.0, height).into(),
+            base_pose: Vector3::new(0.0, 0.0, STAND).into(),
             ..self.clone()
         }
     }

@@ -89,9 +89,6 @@ pub enum IdentifyError {
     },
 }
 
-/// Height of the stand that robots with feet hang on, m.
-pub const STAND: f64 = 2.0;
-
 /// Physics steps a millisecond where one is too coarse.
 const FINER: usize = 4;
 

@@ -7,7 +7,7 @@ mod walker;
 
 use omniwalk_env::effect::Kind;
 use omniwalk_env::robot::Base;
-use omniwalk_sim2real::identify::{Outcome, STAND, Verdict, replay};
+use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use rig::{identify, logs, rig};
 
 /// Every name in the accepted effects and the sets that cannot be told apart.
@@ -59,7 +59,7 @@ fn a_robot_that_walks_freely_is_identified_on_a_stand() {
     let refused = replay(&free, &own).map(|_| ()).expect_err("a refusal");
     assert!(refused.to_string().contains("no feet"), "{refused}");
     let errors =
-        [&free.on_a_stand(STAND), &fixed].map(|robot| replay(robot, &own).expect("a replay").measure.overall());
+        [&free.on_a_stand(), &fixed].map(|robot| replay(robot, &own).expect("a replay").measure.overall());
     assert!((errors[0] - errors[1]).abs() < 1e-9, "{errors:?}");
 }
 
