@@ -38,11 +38,7 @@ pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
 /// The robot at `path`, on a stand if `stand`.
 pub fn held(path: &Path, stand: bool) -> miette::Result<Arc<Robot>> {
     let robot = robot(path)?;
-    Ok(if stand {
-        Arc::new(robot.on_a_stand())
-    } else {
-        robot
-    })
+    Ok(if stand { Arc::new(robot.on_a_stand()) } else { robot })
 }
 
 /// The recordings in the logs at `paths`.

@@ -56,7 +56,12 @@ impl MeasuredBase {
         let mut kinematics = Kinematics::new(robot);
         let upright = Isometry3::from_parts(Vector3::zeros().into(), self.orientation);
         kinematics.set_pose(robot, &upright, &start.joints);
-        kinematics.set_velocity(robot, &Vector3::zeros(), &self.angular_velocity, &start.joint_velocities);
+        kinematics.set_velocity(
+            robot,
+            &Vector3::zeros(),
+            &self.angular_velocity,
+            &start.joint_velocities,
+        );
         let corner = |link: usize, corner: Point3<f64>| {
             let at = kinematics.pose(link) * corner;
             (at.z, kinematics.velocity_at(link, &at))

@@ -63,7 +63,9 @@ pub enum IdentifyError {
     Trial(#[from] TrialError),
     /// The robot walks freely.
     #[error("robot `{robot}` has a floating base: what its model lacks is found on rigs, arms and robots on a stand")]
-    #[diagnostic(help("give --stand where the logs are of a robot on a stand; replay compares logs of one that walks"))]
+    #[diagnostic(help(
+        "give --stand where the logs are of a robot on a stand; replay compares logs of one that walks"
+    ))]
     Floating {
         /// The robot.
         robot: String,

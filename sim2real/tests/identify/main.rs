@@ -58,8 +58,7 @@ fn a_robot_that_walks_freely_is_identified_on_a_stand() {
     free.base = Base::Floating;
     let refused = replay(&free, &own).map(|_| ()).expect_err("a refusal");
     assert!(refused.to_string().contains("no feet"), "{refused}");
-    let errors =
-        [&free.on_a_stand(), &fixed].map(|robot| replay(robot, &own).expect("a replay").measure.overall());
+    let errors = [&free.on_a_stand(), &fixed].map(|robot| replay(robot, &own).expect("a replay").measure.overall());
     assert!((errors[0] - errors[1]).abs() < 1e-9, "{errors:?}");
 }
 

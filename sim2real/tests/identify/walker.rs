@@ -71,5 +71,8 @@ fn a_log_that_does_not_say_how_the_base_was_is_refused() {
     let mut log = logs(&robot, 1, 0);
     log[0].imu = None;
     let refused = replay(&robot, &log).map(|_| ()).expect_err("a refusal");
-    assert!(refused.to_string().contains("does not say how it is oriented"), "{refused}");
+    assert!(
+        refused.to_string().contains("does not say how it is oriented"),
+        "{refused}"
+    );
 }
