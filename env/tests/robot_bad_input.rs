@@ -194,6 +194,13 @@ fn a_policy_joint_without_limits_is_refused() {
 }
 
 #[test]
+fn an_element_of_very_many_attributes_is_refused() {
+    let attributes: String = (0..200_000).map(|i| format!(" a{i}=\"0\"")).collect();
+    let urdf = format!("<robot name=\"wide\"><link name=\"base\"{attributes}/></robot>");
+    refused(&urdf, None, 1, "more than 100 attributes");
+}
+
+#[test]
 fn a_text_that_readers_of_xml_do_not_agree_on_is_refused() {
     // Found by fuzzing: what follows the second `<?` is another file to one of them.
     let urdf = format!("<?odd<?x><link name=\"other\"/><link version=\"1.0\"?>{URDF}");

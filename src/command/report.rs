@@ -14,8 +14,9 @@ use crate::report::curves::Curves;
 use crate::report::html::{About, page};
 use crate::report::motion::Motion;
 use crate::report::{film, gait, health, learning, load as loads};
+use crate::run::sessions::{Session, Sessions};
 use crate::run::{RunFolder, create_folder, files_of, write_atomic};
-use crate::terminal::say;
+use crate::terminal::{quoted, say};
 
 /// Largest text file of a run that is read, bytes.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
@@ -138,10 +139,16 @@ fn about(run: &RunFolder) -> Result<About> {
         ),
         false => None,
     };
-    let shown = run.path().display();
-    let mut commands = vec![format!("omniwalk train {} --run {shown}", run.config().display())];
-    commands.extend(eval.as_ref().map(|eval| evaluation(&shown.to_string(), eval)));
+    let shown = quoted(&run.path().to_string_lossy());
+    let sessions = Sessions::open(&run.sessions())?;
+    let mut commands: Vec<String> = sessions.list().iter().map(Session::command).collect();
+    if commands.is_empty() {
+        commands.push(format!("omniwalk train {shown}/config.toml --run {shown}"));
+    }
+    commands.extend(eval.as_ref().map(|eval| evaluation(&shown, eval)));
     commands.push(format!("omniwalk report {shown}"));
+    let played = |suite: &str| eval.as_ref().is_some_and(|eval| eval.get(suite).is_some());
+    let complete = ["tracking", "push"].into_iter().all(played);
     // The robot says how many joints the entropy is of; a run that is only curves has none.
     let robot = run.path().join("robot");
     let joints = robot.is_dir().then(|| load::robot(&robot)).transpose()?;
@@ -153,7 +160,7 @@ fn about(run: &RunFolder) -> Result<About> {
     let folder = run
         .path()
         .file_name()
-        .map_or(shown.to_string(), |name| name.to_string_lossy().into_owned());
+        .map_or(shown.clone(), |name| name.to_string_lossy().into_owned());
     Ok(About {
         name: seed.map_or(folder.clone(), |seed| format!("{folder} (seed {seed})")),
         config,
@@ -161,6 +168,8 @@ fn about(run: &RunFolder) -> Result<About> {
         eval,
         warnings,
         commands,
+        programs: sessions.list().iter().map(Session::program).collect(),
+        missing: (!complete).then(|| format!("omniwalk eval {shown} --suite falls,tracking,push")),
     })
 }
 

@@ -10,6 +10,7 @@ use omniwalk_env::config::EngineKind;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::episode::End;
 use omniwalk_env::task::tracking::Tracking;
+use serde_json::json;
 
 use super::load;
 use crate::run::RunFolder;
@@ -19,7 +20,7 @@ use crate::run::metrics::MetricsWriter;
 use crate::run::sessions::{self, Origin, Session as Record, Sessions};
 use crate::run::transfer::COLUMNS;
 use crate::settings::Settings;
-use crate::terminal::{OutputError, say};
+use crate::terminal::{OutputError, quoted, say};
 use crate::train::checkpoint;
 use crate::train::health;
 use crate::train::metrics::{self, Figure};
@@ -230,6 +231,7 @@ impl Session {
         let mut written = Instant::now();
         while self.trainer.progress().steps < total && !stop.load(Ordering::Relaxed) {
             let report = self.trainer.update();
+            self.run.check()?;
             let figures = metrics::figures(&self.trainer, &report);
             let symptom = health::symptom(&self.trainer, &report, &figures);
             self.check(&report, symptom.as_deref())?;
@@ -249,7 +251,7 @@ impl Session {
         if !stop.load(Ordering::Relaxed) {
             self.finish_transfer()?;
         }
-        Ok(self.conclude(&path)?)
+        Ok(self.conclude(&path, args.log_format)?)
     }
 
     /// Ends a run that cannot go on, before anything of the update is kept.
@@ -321,8 +323,12 @@ impl Session {
             .wrap_err("cannot write TensorBoard events")
     }
 
-    fn conclude(&self, path: &Path) -> Result<(), OutputError> {
+    fn conclude(&self, path: &Path, format: LogFormat) -> Result<(), OutputError> {
         let progress = self.trainer.progress();
+        if format == LogFormat::Json {
+            let minutes = progress.seconds / 60.0;
+            return say(json!({"finished": progress.steps, "minutes": minutes, "checkpoint": path}));
+        }
         say(format_args!(
             "{} of {} steps in {:.1} minutes; checkpoint {}",
             progress.steps,
@@ -367,7 +373,7 @@ fn background(args: &Args, settings: &Settings, run: &RunFolder, step: u64) -> m
 
 /// Says what can be done with the run in `folder` next.
 fn advise(folder: &Path, finished: bool) -> Result<(), OutputError> {
-    let folder = folder.display();
+    let folder = quoted(&folder.to_string_lossy());
     if finished {
         say(format_args!("extend: omniwalk train --resume --run {folder} --steps N"))?;
     } else {
@@ -383,6 +389,7 @@ fn session(settings: &Settings, step: u64, from: Option<Origin>) -> Record {
         arguments: arguments.map(|word| word.to_string_lossy().into_owned()).collect(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         commit: option_env!("OMNIWALK_COMMIT").map(str::to_owned),
+        machine: Some(sessions::machine()),
         seed: settings.train.seed,
         threads: rayon::current_num_threads(),
         learner_simd: omniwalk_ppo::instruction_set().to_owned(),

@@ -47,22 +47,15 @@ pub(super) fn sessions(sessions: &Sessions) -> String {
         list => format!("how it was made: in {} sessions\n", list.len()),
     };
     for session in sessions.list() {
-        let arguments: Vec<String> = session.arguments.iter().map(|word| quoted(word)).collect();
-        let commit = session.commit.as_ref().map(|commit| format!(", commit {commit}"));
-        let engine = session.engine_simd.as_ref().map(|level| format!(", engine {level}"));
         text += &format!(
-            "  omniwalk {}\n    {}, steps {} to {} in {:.1} minutes, seed {}\n    omniwalk {}{}, {} threads, learner {}{}\n",
-            arguments.join(" "),
+            "  {}\n    {}, steps {} to {} in {:.1} minutes, seed {}\n    {}\n",
+            session.command(),
             session.started,
             session.first_step,
             session.last_step,
             session.seconds / 60.0,
             session.seed,
-            session.version,
-            commit.unwrap_or_default(),
-            session.threads,
-            session.learner_simd,
-            engine.unwrap_or_default(),
+            session.program(),
         );
         if let Some(from) = &session.from {
             let configuration = from.configuration.as_deref().unwrap_or("not known");
@@ -75,14 +68,4 @@ pub(super) fn sessions(sessions: &Sessions) -> String {
         }
     }
     text
-}
-
-/// A word as a shell takes it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "-_./=:,+%@".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 /// How pages look.
 pub const STYLE: &str = "body{font:16px/1.5 sans-serif;max-width:80rem;margin:2rem auto;padding:0 1rem;color:#282c34}\
-    img{max-width:100%}table{border-collapse:collapse}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid \
+    img{max-width:100%}table{border-collapse:collapse;display:block;overflow-x:auto}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid \
     #ddd}pre{background:#f4f5f7;padding:1rem;overflow:auto}\
     .warning{background:#fdecea;border-left:4px solid #c62828;padding:.5rem 1rem}";
 
@@ -43,19 +43,23 @@ pub struct About {
     pub eval: Option<Value>,
     /// What went wrong while it learned, a sentence each.
     pub warnings: Vec<String>,
-    /// Commands that make the run and its evaluation again.
+    /// Commands that made the run, and those that make its evaluation and this page again.
     pub commands: Vec<String>,
+    /// Programs and machines that trained it.
+    pub programs: Vec<String>,
+    /// The command that draws what is not on the page yet.
+    pub missing: Option<String>,
 }
 
 /// What every report begins with.
-pub const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>omniwalk report</title>\n";
+pub const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>omniwalk report</title>\n";
 
 /// The page with `pictures`, each with its title as PNG, about `runs`, made by version `version` of the program.
 pub fn page(pictures: &[(&str, Vec<u8>)], runs: &[About], version: &str) -> String {
     let mut out = HEAD.to_owned();
     let _ = writeln!(
         out,
-        "<style>{STYLE}</style>\n<h1>omniwalk report</h1>\n<p>omniwalk {}</p>",
+        "<style>{STYLE}</style>\n<h1>omniwalk report</h1>\n<p>drawn by omniwalk {}</p>",
         escaped(version)
     );
     runs.iter().for_each(|run| warnings(run, &mut out));
@@ -87,6 +91,16 @@ fn about(run: &About, out: &mut String) {
     let _ = writeln!(out, "<h2>{}</h2>", escaped(&run.name));
     if let Some(seed) = run.seed {
         let _ = writeln!(out, "<p>seed {seed}</p>");
+    }
+    for program in &run.programs {
+        let _ = writeln!(out, "<p>trained by {}</p>", escaped(program));
+    }
+    if let Some(command) = &run.missing {
+        let _ = writeln!(
+            out,
+            "<p>Gait, loads, errors and falls by command, and the limits of pushes are drawn by <code>{}</code>; then report again.</p>",
+            escaped(command)
+        );
     }
     match &run.eval {
         Some(eval) => table(eval, out),

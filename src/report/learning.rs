@@ -13,7 +13,7 @@ const PANEL: (u32, u32) = (420, 190);
 const HEAD: u32 = 76;
 
 /// Column of the metrics, its title, and whether its axis counts powers of ten.
-const PANELS: [(&str, &str, bool); 22] = [
+const PANELS: [(&str, &str, bool); 25] = [
     ("reward/total", "reward, all terms", false),
     ("reward/velocity", "reward for velocity", false),
     ("reward/foot", "reward for feet", false),
@@ -32,6 +32,9 @@ const PANELS: [(&str, &str, bool); 22] = [
     ("gait/clearance_m", "clearance, m", false),
     ("gait/slip_mps", "slip of loaded soles, m/s", false),
     ("curriculum/level", "curriculum level", false),
+    ("curriculum/upper_x", "bound of commands forward, m/s", false),
+    ("curriculum/lower_x", "bound of commands backward, m/s", false),
+    ("curriculum/upper_yaw", "bound of commands to turn, rad/s", false),
     ("curriculum/velocity_factor", "curriculum factor C_v", false),
     ("curriculum/foot_factor", "curriculum factor C_foot", false),
     ("ppo/kl", "KL divergence of an update", false),

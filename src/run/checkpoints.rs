@@ -1,6 +1,7 @@
 //! The checkpoints of a run: a folder in which the newest few are kept.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::checkpoint::{Checkpoint, CheckpointError};
@@ -23,7 +24,7 @@ pub struct Latest {
 }
 
 impl Checkpoints {
-    /// The checkpoints in `folder`, which need not exist yet.
+    /// The checkpoints in `folder`, which need not exist yet; the one above it must when one is saved.
     pub fn new(folder: impl Into<PathBuf>) -> Self {
         Self { folder: folder.into() }
     }
@@ -54,7 +55,11 @@ impl Checkpoints {
             path: path.to_owned(),
             why,
         };
-        fs::create_dir_all(&self.folder).map_err(|error| io(&self.folder, error))?;
+        // Only this folder: that of the run is there, or somebody has removed it.
+        match fs::create_dir(&self.folder) {
+            Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(io(&self.folder, error)),
+            _ => {}
+        }
         checkpoint.write(&path)?;
         let (earlier, later): (Vec<_>, Vec<_>) =
             self.list().into_iter().partition(|(step, _)| *step <= checkpoint.step);

@@ -58,6 +58,10 @@ pub enum RunError {
     #[error("another omniwalk is training in {}", .0.display())]
     #[diagnostic(help("stop it first, or choose another folder by `--run DIR`"))]
     Busy(PathBuf),
+    /// Somebody has taken it away while training wrote to it.
+    #[error("the run folder {} was removed or replaced while training wrote to it", .0.display())]
+    #[diagnostic(help("training stops, as nothing could be gone on with; begin again, in a folder that stays"))]
+    Gone(PathBuf),
     /// Nothing can be written there.
     #[error("cannot write to the run folder {}: {why}", .path.display())]
     #[diagnostic(help("training writes there: make it writable, or choose another folder by `--run DIR`"))]
@@ -82,7 +86,7 @@ pub enum RunError {
 pub struct RunFolder {
     path: PathBuf,
     /// Held while training writes to the folder; the system lets it go when the process ends, however it ends.
-    _lock: Option<File>,
+    lock: Option<File>,
 }
 
 impl RunFolder {
@@ -99,7 +103,7 @@ impl RunFolder {
         };
         let run = Self {
             path: path.to_owned(),
-            _lock: None,
+            lock: None,
         };
         let learned = run.checkpoints().list().iter().any(|(step, _)| *step > 0);
         if learned || run.config().exists() || run.metrics().exists() {
@@ -124,7 +128,7 @@ impl RunFolder {
         for name in rest {
             fs::remove_dir_all(path.join(name)).map_err(io)?;
         }
-        Ok(Self { _lock: lock, ..run })
+        Ok(Self { lock, ..run })
     }
 
     /// Writes the effective configuration. From now on the folder holds a run: whatever is needed to go on with it
@@ -155,7 +159,7 @@ impl RunFolder {
         Self::open(path)?;
         Ok(Self {
             path: path.to_owned(),
-            _lock: Some(lock(path)?),
+            lock: Some(lock(path)?),
         })
     }
 
@@ -167,9 +171,23 @@ impl RunFolder {
         match path.join("config.toml").is_file() {
             true => Ok(Self {
                 path: path.to_owned(),
-                _lock: None,
+                lock: None,
             }),
             false => Err(RunError::NoRun(path.to_owned())),
+        }
+    }
+
+    /// Says whether the folder is still the one that was taken for training: files are written into a folder that was removed, or in
+    /// the place of one, without a word of the system.
+    ///
+    /// # Errors
+    /// [`RunError::Gone`].
+    pub fn check(&self) -> Result<(), RunError> {
+        let held = self.lock.as_ref().and_then(|lock| lock.metadata().ok());
+        let there = fs::metadata(self.path.join(LOCK)).ok();
+        match held.zip(there) {
+            Some((held, there)) if is_same(&held, &there) => Ok(()),
+            _ => Err(RunError::Gone(self.path.clone())),
         }
     }
 
@@ -236,6 +254,18 @@ pub fn files_of(folder: &Path, extension: &str) -> io::Result<Vec<PathBuf>> {
         .collect();
     files.sort();
     Ok(files)
+}
+
+#[cfg(unix)]
+fn is_same(one: &fs::Metadata, other: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (one.dev(), one.ino()) == (other.dev(), other.ino())
+}
+
+/// A file that is open cannot be removed here.
+#[cfg(not(unix))]
+fn is_same(_: &fs::Metadata, _: &fs::Metadata) -> bool {
+    true
 }
 
 /// Name of the file that is locked while a process trains.

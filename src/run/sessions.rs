@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::atomic::write_atomic;
+use crate::terminal::quoted;
 
 /// Why the record cannot be kept or read.
 #[derive(Debug, Error, Diagnostic)]
@@ -42,6 +43,9 @@ pub struct Session {
     pub version: String,
     /// Commit the program was built from, with `+` if files differed from it; not known outside a repository.
     pub commit: Option<String>,
+    /// Processor, number of its cores, and system; not recorded by old versions.
+    #[serde(default)]
+    pub machine: Option<String>,
     /// Seed of everything random.
     pub seed: u64,
     /// Threads of the process.
@@ -60,6 +64,34 @@ pub struct Session {
     pub seconds: f64,
     /// Whose weights the run began with.
     pub from: Option<Origin>,
+}
+
+impl Session {
+    /// The command, as a shell takes it.
+    pub fn command(&self) -> String {
+        let words = self.arguments.iter().map(|word| quoted(word));
+        ["omniwalk".to_owned()]
+            .into_iter()
+            .chain(words)
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
+
+    /// Program and machine.
+    pub fn program(&self) -> String {
+        let commit = self.commit.as_ref().map(|commit| format!(", commit {commit}"));
+        let engine = self.engine_simd.as_ref().map(|level| format!(", engine {level}"));
+        let machine = self.machine.as_ref().map(|machine| format!(", on {machine}"));
+        format!(
+            "omniwalk {}{}, {} threads, learner {}{}{}",
+            self.version,
+            commit.unwrap_or_default(),
+            self.threads,
+            self.learner_simd,
+            engine.unwrap_or_default(),
+            machine.unwrap_or_default(),
+        )
+    }
 }
 
 /// The run whose weights another began with.
@@ -155,6 +187,16 @@ impl Sessions {
         let text = toml::to_string(&self.all).map_err(|error| io(io::Error::other(error)))?;
         write_atomic(&self.path, text.as_bytes()).map_err(io)
     }
+}
+
+/// Processor, number of its cores, and system.
+pub fn machine() -> String {
+    let information = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = information.lines().find_map(|line| line.strip_prefix("model name"));
+    let model = model.map(|rest| rest.trim_start_matches([' ', '\t', ':']));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let (system, kind) = (std::env::consts::OS, std::env::consts::ARCH);
+    format!("{}, {cores} cores, {system}", model.unwrap_or(kind))
 }
 
 /// `time` in UTC as RFC 3339, to the second.

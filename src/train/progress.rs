@@ -17,6 +17,16 @@ pub enum LogFormat {
     Json,
 }
 
+/// The reward's terms and what a line calls them.
+const TERMS: [(&str, &str); 6] = [
+    ("velocity", "v"),
+    ("pose", "pose"),
+    ("alive", "alive"),
+    ("foot", "foot"),
+    ("action_rate", "calm"),
+    ("slip", "slip"),
+];
+
 /// Seconds between lines when the output is no terminal.
 const INTERVAL: Duration = Duration::from_secs(20);
 
@@ -110,20 +120,19 @@ fn line(figure: &impl Fn(&str) -> f64, left: Duration, symptom: Option<&str>) ->
     let split = ["time/physics", "time/inference", "time/update"].map(figure);
     let total: f64 = split.iter().sum();
     let share = split.map(|x| (100.0 * x / total).round());
-    let terms = ["velocity", "pose", "alive", "foot"].map(|name| figure(&format!("reward/{name}")));
+    let terms = TERMS.map(|(term, name)| (name, figure(&format!("reward/{term}"))));
+    let terms = terms.iter().filter(|(_, value)| *value != 0.0);
+    let terms: Vec<String> = terms.map(|(name, value)| format!("{name} {value:.1}")).collect();
     format!(
-        "{:.2} M steps, {:.0}/s (physics {:.0} %, inference {:.0} %, update {:.0} %) | reward/s v {:.1} pose {:.1} alive \
-         {:.1} foot {:.1} | episode {:.0}, falls {:.0} % | error {:.2} m/s | gait {:.1}/s, alternating {:.0} %, air {:.2} s | \
+        "{:.2} M steps, {:.0}/s (physics {:.0} %, inference {:.0} %, update {:.0} %) | reward/s {:.1}: {} | episode {:.0}, falls {:.0} % | error {:.2} m/s | gait {:.1}/s, alternating {:.0} %, air {:.2} s | \
          level {:.2} C_v {:.2} C_foot {:.2} | {} left",
         figure("steps") * 1e-6,
         figure("steps_per_second"),
         share[0],
         share[1],
         share[2],
-        terms[0],
-        terms[1],
-        terms[2],
-        terms[3],
+        figure("reward/total"),
+        terms.join(" "),
         figure("episode/steps"),
         100.0 * (figure("episode/fallen") + figure("episode/leg_overlap")),
         figure("tracking/error_xy_mps"),

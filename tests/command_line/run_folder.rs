@@ -1,6 +1,7 @@
 //! Run folders that cannot be lost and that say where they come from, through the command line.
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -98,6 +99,44 @@ fn a_process_that_was_killed_leaves_no_lock_behind() {
 }
 
 #[test]
+fn a_run_folder_that_somebody_removes_ends_the_run_at_once() {
+    for replaced in [false, true] {
+        let folder = folder();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_omniwalk"))
+            .current_dir(folder.path())
+            .args(START)
+            .args([
+                "--steps",
+                "1000000000",
+                "--quiet",
+                "--set",
+                "train.checkpoint_minutes=60.0",
+            ])
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let run = folder.path().join("run");
+        wait_for(&run.join("metrics.csv"));
+        // In one go: files that are written meanwhile would keep a folder from being removed.
+        fs::rename(&run, folder.path().join("gone")).unwrap();
+        fs::remove_dir_all(folder.path().join("gone")).unwrap();
+        if replaced {
+            fs::create_dir_all(run.join("checkpoints")).unwrap();
+            fs::write(run.join(".lock"), "omniwalk\n").unwrap();
+        }
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(2), "{said}");
+        assert!(
+            said.contains("was removed or replaced while training wrote to it"),
+            "{said}"
+        );
+        // Nothing of it is left behind that looks like a run.
+        assert!(!run.join("metrics.csv").exists() && !run.join("sessions.toml").exists());
+    }
+}
+
+#[test]
 fn a_finished_run_is_extended_with_other_settings_of_the_machine() {
     let folder = folder();
     succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());
@@ -145,6 +184,9 @@ fn a_run_that_comes_apart_says_so_at_once() {
     );
     let json = train(&["--log-format", "json"]);
     assert!(json.contains("\"warning\":\"diverging"), "{json}");
+    let objects = json.lines().map(serde_json::from_str::<serde_json::Value>);
+    let last = objects.map(|object| object.expect("an object a line")).last();
+    assert_eq!(last.expect("lines")["finished"], 480, "{json}");
     assert!(
         !succeeds(folder.path(), &[&START[..2], &["--run", "sound"]].concat())
             .out
@@ -226,6 +268,7 @@ fn a_run_says_how_it_was_made() {
         "steps 240 to 480 in",
         concat!("omniwalk ", env!("CARGO_PKG_VERSION")),
         "1 threads, learner ",
+        " cores, ",
         "seed 1",
     ] {
         assert!(described.contains(part), "{part:?} is not in\n{described}");

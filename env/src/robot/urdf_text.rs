@@ -11,6 +11,9 @@ const MAX_LINKS: usize = 1000;
 /// Deepest nesting of XML elements. A URDF needs five levels, embedded simulator blocks a few more.
 const MAX_DEPTH: usize = 64;
 
+/// Most attributes of an element: a reader compares each with every other. A URDF's have ten at most.
+const MAX_ATTRIBUTES: usize = 100;
+
 /// Largest magnitude of a number other than a limit, SI units: beyond it lie mistakes and overflow.
 const MAX_NUMBER: f64 = 1e9;
 
@@ -129,6 +132,7 @@ pub(super) fn check<'a>(
 
 /// Parses XML without document type definitions.
 pub(super) fn parse(source: &Source) -> Result<Document<'_>, RobotError> {
+    check_attributes(source)?;
     Document::parse_with_options(&source.text, ParsingOptions::default()).map_err(|error| {
         let at = error.pos();
         let line = source
@@ -165,6 +169,41 @@ fn check_depth(source: &Source, root: Node) -> Result<(), RobotError> {
             _ => return Ok(()),
         }
     }
+}
+
+/// Refuses elements with very many attributes before any reader of XML sees them, whose time grows with the square of their number
+/// (RUSTSEC-2026-0194).
+fn check_attributes(source: &Source) -> Result<(), RobotError> {
+    let text = &source.text;
+    let mut at = 0;
+    while let Some(start) = text[at..].find('<').map(|i| at + i) {
+        let rest = &text[start..];
+        let closed = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")];
+        if let Some((_, end)) = closed.iter().find(|(begin, _)| rest.starts_with(begin)) {
+            at = rest.find(end).map_or(text.len(), |i| start + i + end.len());
+            continue;
+        }
+        let (mut quote, mut attributes, mut end) = (None, 0, rest.len());
+        for (i, c) in rest.char_indices() {
+            match (quote, c) {
+                (Some(open), _) if c == open => quote = None,
+                (Some(_), _) => {}
+                (None, '"' | '\'') => quote = Some(c),
+                (None, '=') => attributes += 1,
+                (None, '>') => {
+                    end = i + 1;
+                    break;
+                }
+                (None, _) => {}
+            }
+        }
+        if attributes > MAX_ATTRIBUTES {
+            let message = format!("an element has more than {MAX_ATTRIBUTES} attributes");
+            return Err(source.error(start..start, message, "the elements of a URDF have ten at most"));
+        }
+        at = start + end;
+    }
+    Ok(())
 }
 
 /// Exporters leave a `<mass>` of their own in the link, beside the `<inertial>` that counts.
