@@ -185,8 +185,8 @@ fn a_run_that_comes_apart_says_so_at_once() {
     let json = train(&["--log-format", "json"]);
     assert!(json.contains("\"warning\":\"diverging"), "{json}");
     let objects = json.lines().map(serde_json::from_str::<serde_json::Value>);
-    let last = objects.map(|object| object.expect("an object a line")).last();
-    assert_eq!(last.expect("lines")["finished"], 480, "{json}");
+    let objects: Vec<_> = objects.map(|object| object.expect("an object a line")).collect();
+    assert_eq!(objects.last().expect("lines")["finished"], 480, "{json}");
     assert!(
         !succeeds(folder.path(), &[&START[..2], &["--run", "sound"]].concat())
             .out
