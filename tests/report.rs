@@ -91,7 +91,8 @@ fn a_run_with_a_rollout_gives_the_same_pictures_every_time() {
     learning(&run, 7);
     walking(&run);
     fs::write(run.join("rollouts/unfinished.mcap"), b"\x89MCAP0\r\n").unwrap();
-    let eval = r#"{"engine": "rapier", "forward": {"rows": [{"command": [0.4, 0.0, 0.0], "falls": 3}]}}"#;
+    let eval =
+        r#"{"engine": "rapier", "forward": {"rows": [{"command": [0.4, 0.0, 0.0], "falls": 3, "episodes": 20}]}}"#;
     fs::write(run.join("eval.json"), eval).unwrap();
     let other = folder.path().join("other");
     for out in [&run, &other] {
@@ -99,7 +100,13 @@ fn a_run_with_a_rollout_gives_the_same_pictures_every_time() {
         assert_eq!(code, 0, "{err}");
         assert!(err.contains("left out") && err.contains("unfinished.mcap"), "{err}");
     }
-    for name in ["learning.png", "gait.png", "filmstrip.png", "report.html"] {
+    for name in [
+        "learning.png",
+        "gait.png",
+        "filmstrip.png",
+        "eval_falls.png",
+        "report.html",
+    ] {
         assert!(
             fs::read(run.join(name)).unwrap() == fs::read(other.join(name)).unwrap(),
             "{name}"
@@ -107,7 +114,7 @@ fn a_run_with_a_rollout_gives_the_same_pictures_every_time() {
     }
     // Three quantities are not zero everywhere: a row of panels.
     assert_eq!(picture(&run.join("learning.png")).1, 76 + 190);
-    for name in ["learning.png", "gait.png", "filmstrip.png"] {
+    for name in ["learning.png", "gait.png", "filmstrip.png", "eval_falls.png"] {
         let (width, _, colours) = picture(&run.join(name));
         assert!(
             width == 1260 && colours > 100,
@@ -123,7 +130,7 @@ fn a_run_with_a_rollout_gives_the_same_pictures_every_time() {
     ] {
         assert!(html.contains(part), "{part}");
     }
-    assert_eq!(html.matches("data:image/png;base64,iVBOR").count(), 3);
+    assert_eq!(html.matches("data:image/png;base64,iVBOR").count(), 4);
 }
 
 #[test]
@@ -163,6 +170,26 @@ fn a_run_that_came_apart_is_named_above_its_pictures() {
     ] {
         assert!(head.contains(part), "{part} is not in\n{head}");
     }
+}
+
+#[test]
+fn an_evaluation_alone_gives_its_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let [run, out] = ["run", "out"].map(|name| folder.path().join(name));
+    learning(&run, 1);
+    let reference = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni/seed-1/eval.json");
+    fs::copy(reference, run.join("eval.json")).unwrap();
+    let (code, _, err) = report(&[&run, Path::new("--out"), &out]);
+    assert_eq!((code, err.as_str()), (0, ""));
+    for name in ["eval_falls.png", "eval_error.png", "eval_grid.png", "eval_push.png"] {
+        let (width, _, colours) = picture(&out.join(name));
+        assert!(width == 1260 && colours > 50, "{name}: {colours} colours");
+    }
+    let html = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(!html.contains("then report again"));
+    fs::write(run.join("eval.json"), r#"{"falls": {"rows": [7]}}"#).unwrap();
+    let (code, _, err) = report(&[&run, Path::new("--out"), &out]);
+    assert!(code == 2 && err.contains("eval.json") && err.contains("falls"), "{err}");
 }
 
 #[test]

@@ -22,6 +22,7 @@ use crate::eval::suites::{ALL, CONDITIONS, Plan, Results, Suite};
 use crate::eval::table;
 use crate::eval::trial::Stage;
 use crate::files::can_write;
+use crate::report::evaluation::{Evaluation, Picture};
 use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
 use crate::terminal::say;
@@ -262,7 +263,7 @@ impl Loaded {
         }
         result["seconds"] = json!(suite.seconds);
         result["forward"] = json!({ "rows": table::to_json(&rows) });
-        Ok(())
+        draw(&self.folder, Evaluation::read(result)?.pictures()?)
     }
 
     /// Plays `suite` under the conditions `judged` and, beside that, without any randomisation.
@@ -294,12 +295,12 @@ impl Loaded {
         for file in rollouts.finish()? {
             say(format_args!("rollout: {}", file.display()))?;
         }
-        for (name, canvas) in results.pictures()? {
-            let path = self.folder.join(name);
-            write(&path, &canvas.png()?)?;
-            say(format_args!("picture: {}", path.display()))?;
-        }
         let mut json = results.json();
+        draw(&self.folder, results.pictures()?)?;
+        draw(
+            &self.folder,
+            Evaluation::read(&json!({ suite.name(): json }))?.pictures()?,
+        )?;
         if !args.nominal {
             json["nominal"] = play(true, None)?.json();
         }
@@ -386,6 +387,14 @@ impl Watch for Rollouts {
             .iter_mut()
             .try_for_each(|recorder| Ok(recorder.step(batch, observations, actions)?))
     }
+}
+
+fn draw(folder: &Path, pictures: Vec<Picture>) -> miette::Result<()> {
+    pictures.into_iter().try_for_each(|(name, canvas)| {
+        let path = folder.join(name);
+        write(&path, &canvas.png()?)?;
+        Ok(say(format_args!("picture: {}", path.display()))?)
+    })
 }
 
 fn make(folder: &Path) -> miette::Result<()> {

@@ -8,9 +8,10 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde_json::Value;
 
 use super::load;
-use crate::eval::suites::PICTURES;
+use crate::eval::suites::Suite;
 use crate::report::canvas::Canvas;
 use crate::report::curves::Curves;
+use crate::report::evaluation::{Evaluation, Picture};
 use crate::report::html::{About, page};
 use crate::report::motion::Motion;
 use crate::report::{film, gait, health, learning, load as loads};
@@ -21,10 +22,10 @@ use crate::terminal::{quoted, say};
 /// Largest text file of a run that is read, bytes.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
 
-/// Draws learning curves of runs, and gait, loads of the joints and filmstrip of the first one's fastest rollout.
+/// Draws learning curves of runs; of the first, gait, loads of the joints and filmstrip of its fastest rollout, and what its evaluation measured.
 ///
-/// Writes learning.png, gait.png, load.png, filmstrip.png and report.html, which holds the pictures, the evaluation and the
-/// configuration. Works while a run is still training; without rollouts (see `omniwalk eval`) there are only curves.
+/// Writes learning.png, gait.png, load.png, filmstrip.png, eval_falls.png, eval_error.png, eval_grid.png and eval_push.png, each if there is
+/// something to draw, and report.html, which holds the pictures, the evaluation and the configuration. Works while a run is still training; without rollouts (see `omniwalk eval`) there are only curves.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Run folders; several are drawn over each other, one colour a run.
@@ -52,10 +53,11 @@ pub fn run(args: &Args) -> Result<()> {
         .collect::<Result<_>>()?;
     let mut pictures = vec![("learning.png", learning::draw(&curves)?)];
     pictures.extend(motion_pictures(&runs[0])?);
+    pictures.extend(evaluation_pictures(&runs[0], &about[0])?);
     let encoded = pictures.iter().map(|(name, canvas)| Ok((*name, Canvas::png(canvas)?)));
     let pictures: Vec<(&str, Vec<u8>)> = encoded.collect::<Result<_>>()?;
     let mut shown = pictures.clone();
-    shown.extend(evaluation_pictures(&runs[0], &about[0])?);
+    shown.extend(velocity(&runs[0], &about[0])?);
     let html = page(&shown, &about, env!("CARGO_PKG_VERSION"));
 
     let folder = args.out.as_deref().unwrap_or(runs[0].path());
@@ -108,20 +110,26 @@ fn motion_pictures(run: &RunFolder) -> Result<Vec<(&'static str, Canvas)>> {
     Ok(pictures)
 }
 
-/// The pictures that the suites of the run's evaluation have drawn.
-fn evaluation_pictures(run: &RunFolder, about: &About) -> Result<Vec<(&'static str, Vec<u8>)>> {
-    let played = |suite: &&(&str, &[&'static str])| about.eval.as_ref().is_some_and(|eval| eval.get(suite.0).is_some());
-    let names = PICTURES.iter().filter(played).flat_map(|(_, names)| *names);
-    let paths = names.map(|name| (*name, run.path().join(name)));
-    let read = |path: PathBuf| {
-        fs::read(&path)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot read {}", path.display()))
+/// Errors, falls and pushes, if the run was evaluated.
+fn evaluation_pictures(run: &RunFolder, about: &About) -> Result<Vec<Picture>> {
+    let Some(eval) = &about.eval else {
+        return Ok(Vec::new());
     };
-    paths
-        .filter(|(_, path)| path.is_file())
-        .map(|(name, path)| Ok((name, read(path)?)))
-        .collect()
+    let evaluation = Evaluation::read(eval);
+    let evaluation = evaluation.wrap_err_with(|| format!("cannot draw {}", run.path().join("eval.json").display()))?;
+    Ok(evaluation.pictures()?)
+}
+
+/// Velocities over time, which the suite `tracking` drew when it was played: `eval.json` does not hold them.
+fn velocity(run: &RunFolder, about: &About) -> Result<Option<(&'static str, Vec<u8>)>> {
+    let name = "eval_velocity.png";
+    let path = run.path().join(name);
+    if about.eval.as_ref().is_none_or(|eval| eval.get("tracking").is_none()) || !path.is_file() {
+        return Ok(None);
+    }
+    let png = fs::read(&path).into_diagnostic();
+    let png = png.wrap_err_with(|| format!("cannot read {}", path.display()))?;
+    Ok(Some((name, png)))
 }
 
 fn about(run: &RunFolder) -> Result<About> {
@@ -147,8 +155,7 @@ fn about(run: &RunFolder) -> Result<About> {
     }
     commands.extend(eval.as_ref().map(|eval| evaluation(&shown, eval)));
     commands.push(format!("omniwalk report {shown}"));
-    let played = |suite: &str| eval.as_ref().is_some_and(|eval| eval.get(suite).is_some());
-    let complete = ["tracking", "push"].into_iter().all(played);
+    let missing = missing(&table, eval.as_ref());
     // The robot says how many joints the entropy is of; a run that is only curves has none.
     let robot = run.path().join("robot");
     let joints = robot.is_dir().then(|| load::robot(&robot)).transpose()?;
@@ -169,8 +176,37 @@ fn about(run: &RunFolder) -> Result<About> {
         warnings,
         commands,
         programs: sessions.list().iter().map(Session::program).collect(),
-        missing: (!complete).then(|| format!("omniwalk eval {shown} --suite falls,tracking,push")),
+        missing: missing.map(|suites| format!("omniwalk eval {shown}{suites}")),
     })
+}
+
+/// The arguments with which `omniwalk eval` plays what the page has no pictures of yet, if there is something that a policy trained as `config`
+/// says can be asked.
+fn missing(config: &toml::Table, eval: Option<&Value>) -> Option<String> {
+    let played = |suite: &str| eval.is_some_and(|eval| eval.get(suite).is_some());
+    let suites = [Suite::Falls, Suite::Tracking, Suite::Push];
+    let takes = |suite: &Suite| {
+        suite
+            .commands()
+            .iter()
+            .all(|command| within(config, command) != Some(false))
+    };
+    if !suites.iter().all(takes) {
+        return eval.is_none().then(String::new);
+    }
+    let open = suites.iter().map(|suite| suite.name()).filter(|name| !played(name));
+    let open: Vec<&str> = open.collect();
+    (!open.is_empty()).then(|| format!(" --suite {}", open.join(",")))
+}
+
+/// Whether a command is within the bounds of `config`, if it has some.
+fn within(config: &toml::Table, command: &[f64; 3]) -> Option<bool> {
+    let bound = |key: &str, axis: usize| config.get("command")?.get(key)?.get(axis)?.as_float();
+    let mut inside = true;
+    for (axis, velocity) in command.iter().enumerate() {
+        inside &= (bound("lower", axis)?..=bound("upper", axis)?).contains(velocity);
+    }
+    Some(inside)
 }
 
 /// The command of an evaluation, from what it wrote.

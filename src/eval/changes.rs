@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::meter::Record;
 use super::stats::Estimate;
-use super::suites::{Picture, Plan, Results};
+use super::suites::{Plan, Results};
 use super::summary::{ERRORS_HEAD, Errors, gait_json, gait_text, interval, percent};
 use super::tour::{Leg, Tour};
 use super::trial::Stage;
@@ -95,10 +95,6 @@ impl Results for Changes {
             self.errors().to_text(),
             gait_text([("all changes".to_owned(), &self.records[..])])
         )
-    }
-
-    fn pictures(&self) -> miette::Result<Vec<Picture>> {
-        Ok(Vec::new())
     }
 }
 

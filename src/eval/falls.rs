@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::hold::{self, Row};
 use super::stats::Estimate;
-use super::suites::{Picture, Plan, Results};
+use super::suites::{Plan, Results};
 use super::summary::{gait_text, interval, name, percent, row_json, rows_text};
 use super::trial::Stage;
 
@@ -67,9 +67,5 @@ impl Results for Falls {
             percent(&Estimate::share(falls, n)),
             gait_text(gaits)
         )
-    }
-
-    fn pictures(&self) -> miette::Result<Vec<Picture>> {
-        Ok(Vec::new())
     }
 }

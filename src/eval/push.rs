@@ -5,9 +5,8 @@
 use serde_json::{Value, json};
 
 use super::meter::Record;
-use super::pictures;
 use super::pushing::{DIRECTIONS, Direction, Push};
-use super::suites::{Picture, Plan, Results};
+use super::suites::{Plan, Results};
 use super::summary::{gait_json, gait_text, name};
 use super::trial::Stage;
 
@@ -97,7 +96,7 @@ fn climb(
 /// What came of it.
 pub struct Pushes {
     /// Command by command, directions in order.
-    pub cells: Vec<Cell>,
+    cells: Vec<Cell>,
     /// The gait before the pushes, for each command.
     before: Vec<Vec<Record>>,
 }
@@ -187,10 +186,6 @@ impl Results for Pushes {
         }
         let gaits = COMMANDS.iter().zip(&self.before);
         out + &gait_text(gaits.map(|(&command, records)| (name(command), &records[..])))
-    }
-
-    fn pictures(&self) -> miette::Result<Vec<Picture>> {
-        Ok(vec![("eval_push.png", pictures::push(self)?)])
     }
 }
 

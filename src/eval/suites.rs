@@ -8,7 +8,7 @@ use super::forward::Watch;
 use super::push::{self, Pushes};
 use super::tracking::{self, Tracked};
 use super::trial::Stage;
-use crate::report::canvas::Canvas;
+use crate::report::evaluation::Picture;
 
 /// The conditions of every suite, laid over those a policy was trained under.
 pub const CONDITIONS: &str = include_str!("conditions.toml");
@@ -38,15 +38,6 @@ pub struct Plan {
     pub seconds: Option<f64>,
 }
 
-/// The pictures of each suite that has some.
-pub const PICTURES: [(&str, &[&str]); 2] = [
-    ("tracking", &["eval_velocity.png", "eval_error.png", "eval_grid.png"]),
-    ("push", &["eval_push.png"]),
-];
-
-/// A picture and the name of its file.
-pub type Picture = (&'static str, Canvas);
-
 /// What came of a suite under one set of conditions.
 pub trait Results {
     /// For programs.
@@ -55,11 +46,13 @@ pub trait Results {
     /// For people.
     fn text(&self) -> String;
 
-    /// To look at.
+    /// To look at, beside what is drawn from [`Results::json`].
     ///
     /// # Errors
     /// When drawing fails.
-    fn pictures(&self) -> miette::Result<Vec<Picture>>;
+    fn pictures(&self) -> miette::Result<Vec<Picture>> {
+        Ok(Vec::new())
+    }
 }
 
 impl Suite {

@@ -9,11 +9,12 @@ use super::hold::{self, Row};
 use super::meter::Record;
 use super::pictures;
 use super::stats::Estimate;
-use super::suites::{Picture, Plan, Results};
+use super::suites::{Plan, Results};
 use super::summary::{ERRORS_HEAD, Errors, gait_json, gait_text, name, row_json, rows_text};
 use super::table::number;
 use super::tour::{Leg, Moment, Tour};
 use super::trial::Stage;
+use crate::report::evaluation::Picture;
 
 /// The commands of figure 7.9 in its order: in place, forward, backward, left, right, turning, diagonal in all four
 /// directions, turning while walking forward and sideways.
@@ -58,11 +59,11 @@ pub struct Tracked {
     sequences: Vec<Vec<Leg>>,
     records: Vec<Record>,
     /// Commands along one axis, axis by axis.
-    pub rows: Vec<Row>,
+    rows: Vec<Row>,
     /// Values of the grid along each axis.
-    pub axes: [Vec<f64>; 3],
+    axes: [Vec<f64>; 3],
     /// Its rows: omega_z outermost, v_x innermost.
-    pub grid: Vec<Row>,
+    grid: Vec<Row>,
 }
 
 impl Tracked {
@@ -217,11 +218,7 @@ impl Results for Tracked {
     }
 
     fn pictures(&self) -> miette::Result<Vec<Picture>> {
-        Ok(vec![
-            ("eval_velocity.png", pictures::velocity(self)?),
-            ("eval_error.png", pictures::error(self)?),
-            ("eval_grid.png", pictures::grid(self)?),
-        ])
+        Ok(vec![("eval_velocity.png", pictures::velocity(self)?)])
     }
 }
 

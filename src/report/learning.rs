@@ -13,7 +13,7 @@ const PANEL: (u32, u32) = (420, 190);
 const HEAD: u32 = 76;
 
 /// Column of the metrics, its title, and whether its axis counts powers of ten.
-const PANELS: [(&str, &str, bool); 25] = [
+const PANELS: [(&str, &str, bool); 28] = [
     ("reward/total", "reward, all terms", false),
     ("reward/velocity", "reward for velocity", false),
     ("reward/foot", "reward for feet", false),
@@ -34,7 +34,10 @@ const PANELS: [(&str, &str, bool); 25] = [
     ("curriculum/level", "curriculum level", false),
     ("curriculum/upper_x", "bound of commands forward, m/s", false),
     ("curriculum/lower_x", "bound of commands backward, m/s", false),
-    ("curriculum/upper_yaw", "bound of commands to turn, rad/s", false),
+    ("curriculum/upper_y", "bound of commands to the left, m/s", false),
+    ("curriculum/lower_y", "bound of commands to the right, m/s", false),
+    ("curriculum/upper_yaw", "bound of turning left, rad/s", false),
+    ("curriculum/lower_yaw", "bound of turning right, rad/s", false),
     ("curriculum/velocity_factor", "curriculum factor C_v", false),
     ("curriculum/foot_factor", "curriculum factor C_foot", false),
     ("ppo/kl", "KL divergence of an update", false),

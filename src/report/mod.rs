@@ -1,11 +1,13 @@
 //! Pictures of runs and the page that holds them: learning curves, the gait of a rollout and what it asks of
-//! the joints, a filmstrip of it.
+//! the joints, a filmstrip of it, what an evaluation measured.
 //!
 //! Pictures are drawn in memory at twice their size and averaged down, which smooths every edge alike, with a font that
 //! is compiled in: the same files give the same bytes on every machine, with fonts installed or without.
 
 pub mod canvas;
+pub mod commands;
 pub mod curves;
+pub mod evaluation;
 pub mod film;
 pub mod gait;
 pub mod health;
@@ -15,6 +17,7 @@ pub mod learning;
 pub mod load;
 pub mod motion;
 pub mod plot;
+pub mod polar;
 pub mod ray;
 
 use miette::Diagnostic;

@@ -7,7 +7,7 @@ use plotters::element::{PathElement, Rectangle};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::ReportError;
-use super::canvas::{Area, FAINT, GREY, INK, px, text, write};
+use super::canvas::{Area, Canvas, FAINT, GREY, INK, px, text, write};
 
 /// A curve; a value that is not finite interrupts it.
 pub struct Line {
@@ -19,6 +19,42 @@ pub struct Line {
     pub width: u32,
     /// x and y.
     pub points: Vec<(f64, f64)>,
+}
+
+impl Line {
+    /// A curve through `points`, `width` samples wide.
+    pub fn new(name: &str, colour: RGBColor, width: u32, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.to_owned(),
+            colour,
+            width,
+            points,
+        }
+    }
+}
+
+/// Width of pictures of an evaluation, pixels.
+pub const WIDTH: u32 = 1260;
+/// Height of their title, pixels.
+const HEAD: u32 = 76;
+
+/// A picture of a title, what is `below` it, and `height` pixels that `draw` fills.
+///
+/// # Errors
+/// Those of `draw`, and [`ReportError::Draw`].
+pub fn framed(
+    height: u32,
+    title: &str,
+    below: &str,
+    draw: impl FnOnce(&Area<'_>) -> Result<(), ReportError>,
+) -> Result<Canvas, ReportError> {
+    let mut canvas = Canvas::new(WIDTH, HEAD + height);
+    canvas.draw(|area| {
+        write(area, title, &text(24, INK), (px(12), px(8)))?;
+        write(area, below, &text(15, GREY), (px(12), px(46)))?;
+        draw(&area.split_vertically(px(HEAD as i32)).1)
+    })?;
+    Ok(canvas)
 }
 
 /// A chart.

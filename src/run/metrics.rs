@@ -23,10 +23,10 @@ pub enum MetricsError {
         /// What the system says.
         why: io::Error,
     },
-    /// The file has other columns than this run writes.
+    /// The file has columns that this run does not write.
     #[error("{} has other columns than this run writes", .path.display())]
     #[diagnostic(help(
-        "it was written by another version of omniwalk: start a new run, `--from` this one if you like"
+        "it was written by a later version of omniwalk: go on with that, or start a new run, `--from` this one if you like"
     ))]
     OtherColumns {
         /// The file.
@@ -72,7 +72,7 @@ impl MetricsWriter {
     }
 
     /// Goes on with the file at `path` after a stop: rows after `step`, and a last row that was cut off, go.
-    /// Starts a new file if there is none.
+    /// Columns that it does not have yet, an older program having begun it, are empty in its rows. Starts a new file if there is none.
     ///
     /// # Errors
     /// [`MetricsError::OtherColumns`], or [`MetricsError::Io`].
@@ -85,15 +85,19 @@ impl MetricsWriter {
             why,
         };
         let text = fs::read_to_string(path).map_err(io)?;
+        let (first, rows) = text.split_once('\n').unwrap_or_default();
+        let known: Vec<&str> = first.split(',').collect();
+        let other = || MetricsError::OtherColumns { path: path.to_owned() };
+        let places = places(&known, columns).ok_or_else(other)?;
+        let kept: String = rows
+            .split_inclusive('\n')
+            .filter_map(|row| row.strip_suffix('\n'))
+            .filter(|row| {
+                row.split(',').count() == known.len() && step_of(row).is_some_and(|row_step| row_step <= step)
+            })
+            .map(|row| rearranged(row, &places))
+            .collect();
         let header = header(columns);
-        let rows = text
-            .strip_prefix(&header)
-            .ok_or_else(|| MetricsError::OtherColumns { path: path.to_owned() })?;
-        let stays = |row: &&str| {
-            let cells = row.split(',').count() == columns.len() + 1;
-            cells && row.ends_with('\n') && step_of(row).is_some_and(|row_step| row_step <= step)
-        };
-        let kept: String = rows.split_inclusive('\n').filter(stays).collect();
         write_atomic(path, (header + &kept).as_bytes()).map_err(io)?;
         Self::over(path, OpenOptions::new().append(true).open(path), columns)
     }
@@ -147,6 +151,22 @@ impl MetricsWriter {
 
 fn header(columns: &[&str]) -> String {
     format!("step,{}\n", columns.join(","))
+}
+
+/// Where each of `columns` stands in a file with the header `known`, which begins with the step; `None` if that has others.
+fn places(known: &[&str], columns: &[&str]) -> Option<Vec<Option<usize>>> {
+    let (step, named) = known.split_first()?;
+    let all_known = *step == "step" && named.iter().all(|name| columns.contains(name));
+    let place = |column: &&str| known.iter().position(|name| name == column);
+    all_known.then(|| columns.iter().map(place).collect())
+}
+
+/// The row, which ends with a new line then, with the cells at `places` after its step; empty where there is none.
+fn rearranged(row: &str, places: &[Option<usize>]) -> String {
+    let cells: Vec<&str> = row.split(',').collect();
+    let cell = |place: &Option<usize>| place.map_or("", |place| cells[place]);
+    let rest: String = places.iter().map(|place| format!(",{}", cell(place))).collect();
+    format!("{}{rest}\n", cells[0])
 }
 
 fn step_of(row: &str) -> Option<u64> {
@@ -287,8 +307,26 @@ mod tests {
             MetricsWriter::create(&path, &["return"]),
             Err(MetricsError::Io { .. })
         ));
-        let other = MetricsWriter::resume(&path, &["return", "falls"], 0);
+        for columns in [&["falls"][..], &[]] {
+            let other = MetricsWriter::resume(&path, columns, 0);
+            assert!(matches!(other, Err(MetricsError::OtherColumns { .. })));
+        }
+        fs::write(&path, "time,return\n1,2\n").unwrap();
+        let other = MetricsWriter::resume(&path, &["time", "return"], 0);
         assert!(matches!(other, Err(MetricsError::OtherColumns { .. })));
+    }
+
+    #[test]
+    fn a_file_that_an_older_program_began_gets_the_columns_that_were_added() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.csv");
+        let mut old = MetricsWriter::create(&path, &["return", "falls"]).unwrap();
+        old.append(1, &[0.1, f64::NAN]).unwrap();
+        old.append(2, &[0.3, 4.0]).unwrap();
+        let mut new = MetricsWriter::resume(&path, &["level", "falls", "return"], 2).unwrap();
+        new.append(3, &[0.5, 6.0, 0.7]).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        assert_eq!(text, "step,level,falls,return\n1,,,0.1\n2,,4,0.3\n3,0.5,6,0.7\n");
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub fn figures(trainer: &Trainer, report: &Report) -> Vec<Figure> {
 }
 
 /// Names of [`figures`], in order.
-pub const NAMES: [&str; 57] = [
+pub const NAMES: [&str; 60] = [
     "update",
     "seconds",
     "steps_per_second",
@@ -67,6 +67,9 @@ pub const NAMES: [&str; 57] = [
     "curriculum/falls",
     "curriculum/lower_x",
     "curriculum/upper_x",
+    "curriculum/lower_y",
+    "curriculum/upper_y",
+    "curriculum/lower_yaw",
     "curriculum/upper_yaw",
     "ppo/policy_loss",
     "ppo/value_loss",
@@ -156,6 +159,9 @@ fn curriculum(trainer: &Trainer, report: &Report) -> Vec<Figure> {
         ("curriculum/falls", report.performance.falls.unwrap_or(f64::NAN)),
         ("curriculum/lower_x", lower[0]),
         ("curriculum/upper_x", upper[0]),
+        ("curriculum/lower_y", lower[1]),
+        ("curriculum/upper_y", upper[1]),
+        ("curriculum/lower_yaw", lower[2]),
         ("curriculum/upper_yaw", upper[2]),
     ]
 }
