@@ -4,8 +4,10 @@ use std::fmt::Write;
 
 use miette::{Diagnostic, Report};
 
-/// Snippets are drawn for places up to this column; drawing beyond 65,535 panics in the library.
-const WIDEST: usize = 10_000;
+/// Longest line of a source that is drawn, bytes: longer ones fill terminals, and beyond 65,535 drawing panics in the library.
+const WIDEST: usize = 1_000;
+/// Longest sentence, characters: some repeat the value that is wrong.
+const LONGEST: usize = 1_000;
 
 /// The report with its snippet, or, where a line of the source is too long to draw, with file, line and column alone.
 pub fn text(report: &Report) -> String {
@@ -24,14 +26,18 @@ pub fn plain(report: &Report) -> String {
 }
 
 fn drawable(diagnostic: &dyn Diagnostic) -> bool {
-    let fits = places(diagnostic).iter().all(|place| place.end <= WIDEST);
-    fits && diagnostic.related().is_none_or(|mut others| others.all(drawable))
+    let fits = places(diagnostic).iter().all(|place| place.widest <= WIDEST);
+    let says = diagnostic.to_string().len() <= LONGEST
+        && diagnostic
+            .source()
+            .is_none_or(|cause| cause.to_string().len() <= LONGEST);
+    fits && says && diagnostic.related().is_none_or(|mut others| others.all(drawable))
 }
 
 struct Place {
     text: String,
-    /// Column behind the label.
-    end: usize,
+    /// Bytes of the longest line that would be drawn.
+    widest: usize,
 }
 
 fn places(diagnostic: &dyn Diagnostic) -> Vec<Place> {
@@ -41,19 +47,35 @@ fn places(diagnostic: &dyn Diagnostic) -> Vec<Place> {
     let place = |label: miette::LabeledSpan| {
         let contents = source.read_span(label.inner(), 0, 0).ok()?;
         let (line, column) = (contents.line() + 1, contents.column() + 1);
+        let around = source.read_span(label.inner(), 1, 1).ok()?;
+        let lines = around.data().split(|byte| *byte == b'\n');
         Some(Place {
             text: format!("{}:{line}:{column}", contents.name().unwrap_or("input")),
-            end: column + label.len(),
+            widest: lines.map(<[u8]>::len).max().unwrap_or_default(),
         })
     };
     labels.filter_map(place).collect()
 }
 
+/// The sentence without its middle if it is too long.
+fn shortened(text: String) -> String {
+    let count = text.chars().count();
+    if count <= LONGEST {
+        return text;
+    }
+    let half = LONGEST / 2;
+    let (start, end): (String, String) = (
+        text.chars().take(half).collect(),
+        text.chars().skip(count - half).collect(),
+    );
+    format!("{start} [...] {end}")
+}
+
 fn sentence(diagnostic: &dyn Diagnostic, text: &mut String) {
-    let _ = write!(text, "{diagnostic}");
+    *text += &shortened(diagnostic.to_string());
     let mut cause = diagnostic.source();
     while let Some(error) = cause {
-        let _ = write!(text, ": {error}");
+        let _ = write!(text, ": {}", shortened(error.to_string()));
         cause = error.source();
     }
     let places: Vec<String> = places(diagnostic).into_iter().map(|place| place.text).collect();

@@ -2,8 +2,12 @@
 
 use std::fmt::Display;
 use std::io::{self, Write};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use miette::Diagnostic;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 use thiserror::Error;
 
 /// Why a line was not written.
@@ -29,6 +33,20 @@ pub fn say(line: impl Display) -> Result<(), OutputError> {
             io::ErrorKind::BrokenPipe => OutputError::Closed,
             _ => OutputError::Failed(error),
         })
+}
+
+/// A flag that Ctrl-C, or SIGTERM as a machine that shuts down sends it, sets. A second one ends the process.
+///
+/// # Errors
+/// When the system takes no handlers.
+pub fn interrupt() -> io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // Looked at before the flag is set: the first time it is not.
+        flag::register_conditional_shutdown(signal, 128 + signal, stop.clone())?;
+        flag::register(signal, stop.clone())?;
+    }
+    Ok(stop)
 }
 
 /// A word as a shell takes it.

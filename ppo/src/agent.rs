@@ -368,14 +368,35 @@ fn infer(
 
 #[cfg(test)]
 mod tests {
+    use rand::RngExt;
+
     use super::*;
     use crate::finite_differences::config;
 
     #[test]
-    fn a_weight_that_is_no_number_is_seen() {
+    fn a_weight_that_is_no_number_is_seen_wherever_it_is() {
         let mut agent = Agent::new(config(Head::Beta, Activation::Tanh), 4, 2, 1).unwrap();
         assert!(agent.is_finite());
-        agent.critic.tiles[1].parameters[3] = f32::NAN;
-        assert!(!agent.is_finite());
+        let mut chance = ChaCha8Rng::seed_from_u64(3);
+        for round in 0..300 {
+            let tiles = if round % 2 == 0 {
+                &mut agent.actor.tiles
+            } else {
+                &mut agent.critic.tiles
+            };
+            let tile = chance.random_range(0..tiles.len());
+            let place = chance.random_range(0..tiles[tile].parameters.len());
+            let weight = &mut tiles[tile].parameters[place];
+            let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][round % 3];
+            let good = std::mem::replace(weight, bad);
+            assert!(!agent.is_finite());
+            let tiles = if round % 2 == 0 {
+                &mut agent.actor.tiles
+            } else {
+                &mut agent.critic.tiles
+            };
+            tiles[tile].parameters[place] = good;
+        }
+        assert!(agent.is_finite());
     }
 }

@@ -2,7 +2,9 @@
 
 mod support;
 
-use omniwalk_ppo::{Agent, Config, End, Head, Inference, Schedule};
+use omniwalk_ppo::{Agent, Config, End, Head, Inference, Rollout, Schedule};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use support::{Points, config};
 
 #[test]
@@ -69,6 +71,47 @@ fn minibatches_with_an_overflowing_loss_are_skipped_and_counted() {
     let mut value = [0.0];
     agent.values(&mut Inference::default(), &[0.1; 4], &mut value);
     assert!(value[0].is_finite());
+}
+
+#[test]
+fn bad_numbers_at_random_places_are_left_out_and_the_next_rollout_is_learned_from() {
+    let mut chance = ChaCha8Rng::seed_from_u64(9);
+    let mut agent = Agent::new(config(), 4, 2, 5).unwrap();
+    let mut points = Points::new(16, 40);
+    for round in 0..100 {
+        points.iterate(&mut agent, None, 2 * round);
+        points.collect(&agent);
+        let before = agent.save();
+        let (good, bad) = (
+            points.rollout.clone(),
+            [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 3e38][chance.random_range(0..4)],
+        );
+        let Rollout {
+            observations,
+            actions,
+            values,
+            rewards,
+            ..
+        } = &mut points.rollout;
+        let numbers = [observations, actions, values, rewards];
+        let into = chance.random_range(0..4);
+        let place = chance.random_range(0..numbers[into].len());
+        numbers[into][place] = bad;
+        let stats = agent.update(&points.rollout, None, 2 * round + 1);
+        if !bad.is_finite() {
+            assert!(
+                stats.steps == 0 && stats.skipped > 0 && agent.save() == before,
+                "{bad} in {into} at {place}: {stats:?}"
+            );
+        }
+        assert!(agent.is_finite(), "{bad} in {into} at {place}: {stats:?}");
+        points.rollout = good;
+        let stats = agent.update(&points.rollout, None, 2 * round + 1);
+        assert!(
+            stats.skipped == 0 && agent.is_finite(),
+            "after {bad} in {into} at {place}: {stats:?}"
+        );
+    }
 }
 
 #[test]

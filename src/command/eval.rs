@@ -390,6 +390,7 @@ impl Watch for Rollouts {
 }
 
 fn draw(folder: &Path, pictures: Vec<Picture>) -> miette::Result<()> {
+    make(folder)?;
     pictures.into_iter().try_for_each(|(name, canvas)| {
         let path = folder.join(name);
         write(&path, &canvas.png()?)?;

@@ -4,8 +4,6 @@ use std::io::stdin;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -16,7 +14,7 @@ use crate::files::can_write;
 use crate::rehearse::robot::Simulated;
 use crate::rehearse::{Line, brain};
 use crate::run::write_atomic;
-use crate::terminal::say;
+use crate::terminal::{interrupt, say};
 
 /// Runs a policy's controller in a process of its own against the simulated robot, in real time.
 ///
@@ -100,7 +98,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         args.policy.display(),
         args.seconds
     ))?;
-    let stop = interrupt()?;
+    let stop = interrupt().into_diagnostic()?;
     let mut report = robot.run(f64::from(args.seconds), &stop, || controller.tend())?;
     drop(controller);
     say(format_args!("{}log: {}", report.text(), log.display()))?;
@@ -110,19 +108,6 @@ pub fn run(args: &Args) -> miette::Result<()> {
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot write {}", file.display()))
     })
-}
-
-/// A flag that Ctrl-C sets: the rehearsal ends with its report, its log whole. A second one ends the process.
-fn interrupt() -> miette::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    let handler = move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(handler).into_diagnostic()?;
-    Ok(stop)
 }
 
 /// The controller keeps what is asked of it within the bounds it was trained for: another velocity would not be what is

@@ -1,7 +1,6 @@
 //! `omniwalk train`.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -20,13 +19,13 @@ use crate::run::metrics::MetricsWriter;
 use crate::run::sessions::{self, Origin, Session as Record, Sessions};
 use crate::run::transfer::COLUMNS;
 use crate::settings::Settings;
-use crate::terminal::{OutputError, quoted, say};
+use crate::terminal::{OutputError, interrupt, quoted, say};
 use crate::train::checkpoint;
 use crate::train::health;
 use crate::train::metrics::{self, Figure};
-use crate::train::progress::{Display, LogFormat};
+use crate::train::progress::{Illness, LogFormat, Reporter};
 use crate::train::shape::{self, Shape};
-use crate::train::trainer::{Report, Trainer};
+use crate::train::trainer::Trainer;
 use crate::train::transfer::{Background, Measured, Plan};
 
 /// Trains a policy; writes a run folder.
@@ -92,7 +91,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
             .build_global()
             .into_diagnostic()?;
     }
-    let stop = interrupt()?;
+    let stop = interrupt().into_diagnostic()?;
     let session = if args.resume {
         Session::resume(args)?
     } else {
@@ -224,7 +223,7 @@ impl Session {
 
     fn train(&mut self, args: &Args, stop: &AtomicBool) -> miette::Result<()> {
         let total = self.settings.train.steps;
-        let mut display = Display::new(total, args.log_format, args.quiet);
+        let mut reporter = Reporter::new(total, args.log_format, args.quiet);
         let started = Instant::now();
         let first_step = self.trainer.progress().steps;
         let pause = Duration::from_secs_f64(60.0 * self.settings.train.checkpoint_minutes);
@@ -234,9 +233,9 @@ impl Session {
             self.run.check()?;
             let figures = metrics::figures(&self.trainer, &report);
             let symptom = health::symptom(&self.trainer, &report, &figures);
-            self.check(&report, symptom.as_deref())?;
+            health::check(&self.trainer, &report, symptom.as_deref())?;
             let noted = self.write(&figures);
-            let shown = display.update(self.trainer.progress().steps, &figures, symptom, &started, first_step);
+            let shown = reporter.update(self.trainer.progress().steps, &figures, symptom, &started, first_step);
             // What was learned is kept even if its figures cannot be.
             if noted.is_err() || shown.is_err() || written.elapsed() >= pause {
                 self.save()?;
@@ -246,31 +245,15 @@ impl Session {
             shown?;
             self.tend()?;
         }
-        display.finish();
+        reporter.finish();
+        if stop.load(Ordering::Relaxed) {
+            eprintln!("stopped; writing a checkpoint");
+        }
         let path = self.save()?;
         if !stop.load(Ordering::Relaxed) {
             self.finish_transfer()?;
         }
-        Ok(self.conclude(&path, args.log_format)?)
-    }
-
-    /// Ends a run that cannot go on, before anything of the update is kept.
-    fn check(&self, report: &Report, symptom: Option<&str>) -> miette::Result<()> {
-        let (update, kept) = (self.trainer.progress().update, "the last checkpoint is as it was");
-        if report.lost == report.samples as u64 {
-            miette::bail!(
-                help = "no step can be computed: look at masses, gains and armature with `omniwalk inspect ROBOT`, or raise engine.physics_hz",
-                "every world went non-finite in every step of update {update}; {kept}: {}",
-                symptom.unwrap_or_default()
-            );
-        }
-        if !self.trainer.agent().is_finite() {
-            miette::bail!(
-                help = "lower ppo.learning_rate and begin again, or look at reward.* and train.reward_scale for huge numbers",
-                "the networks' weights are not finite after update {update}; {kept}"
-            );
-        }
-        Ok(())
+        Ok(self.conclude(&path, args.log_format, reporter.illness())?)
     }
 
     fn write(&mut self, figures: &[Figure]) -> miette::Result<()> {
@@ -309,7 +292,7 @@ impl Session {
         let Some(mut background) = self.background.take() else {
             return Ok(());
         };
-        eprintln!("cross-checking the last checkpoint; it is saved, Ctrl-C twice ends at once");
+        eprintln!("cross-checking the last checkpoint; it is saved, Ctrl-C ends at once");
         let mut measured = Vec::new();
         let last = checkpoint::save(&self.trainer, &self.shape)?;
         background.finish(&self.run, &last, |one| measured.push(one));
@@ -323,11 +306,15 @@ impl Session {
             .wrap_err("cannot write TensorBoard events")
     }
 
-    fn conclude(&self, path: &Path, format: LogFormat) -> Result<(), OutputError> {
+    fn conclude(&self, path: &Path, format: LogFormat, illness: Option<&Illness>) -> Result<(), OutputError> {
         let progress = self.trainer.progress();
         if format == LogFormat::Json {
             let minutes = progress.seconds / 60.0;
-            return say(json!({"finished": progress.steps, "minutes": minutes, "checkpoint": path}));
+            let mut end = json!({"finished": progress.steps, "minutes": minutes, "checkpoint": path});
+            if let Some(illness) = illness {
+                end["warning"] = json!(illness.to_string());
+            }
+            return say(end);
         }
         say(format_args!(
             "{} of {} steps in {:.1} minutes; checkpoint {}",
@@ -337,6 +324,9 @@ impl Session {
             path.display()
         ))?;
         say(learned(&self.trainer))?;
+        if let Some(illness) = illness {
+            say(format_args!("WARNING: {illness}"))?;
+        }
         advise(&self.folder, progress.steps >= self.settings.train.steps)
     }
 }
@@ -422,18 +412,4 @@ fn default_folder(config: Option<&Path>, seed: u64) -> PathBuf {
         .and_then(Path::file_stem)
         .map_or_else(|| "default".into(), |stem| stem.to_string_lossy());
     Path::new("runs").join(format!("{name}-{seed}"))
-}
-
-/// A flag that Ctrl-C sets: the running update is finished and a checkpoint written. A second one ends the process.
-fn interrupt() -> miette::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        eprintln!("finishing this update and writing a checkpoint; Ctrl-C again ends at once");
-    })
-    .into_diagnostic()?;
-    Ok(stop)
 }

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +22,7 @@ use crate::deployed::Deployed;
 use crate::export;
 use crate::run::{RunFolder, files_of};
 use crate::settings::{DEFAULT, Settings};
-use crate::terminal::say;
+use crate::terminal::{interrupt, say};
 use crate::view::clips::Clips;
 use crate::view::describe;
 use crate::view::drive::Drive;
@@ -86,9 +86,7 @@ struct Show {
 /// When there is nothing to show, or the addresses are taken.
 pub fn run(args: &Args) -> miette::Result<()> {
     let show = Show::open(args)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic()?;
+    let stop = interrupt().into_diagnostic()?;
     let runtime = Builder::new_current_thread().enable_all().build().into_diagnostic()?;
     runtime.block_on(serve(args, show, stop))
 }
@@ -111,6 +109,10 @@ async fn serve(args: &Args, show: Show, stop: Arc<AtomicBool>) -> miette::Result
         }
     };
     say(format_args!("open http://{}/?token={token}", reachable(address)))?;
+    if let Some(ip) = address.ip().is_unspecified().then(outside).flatten() {
+        let elsewhere = SocketAddr::new(ip, address.port());
+        say(format_args!("from another machine: http://{elsewhere}/?token={token}"))?;
+    }
     if let Some((_, port)) = &pilot {
         say(format_args!(
             "Foxglove: ws://{}",
@@ -203,9 +205,18 @@ fn token() -> miette::Result<String> {
 fn reachable(address: SocketAddr) -> SocketAddr {
     let ip = match address.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
         ip => ip,
     };
     SocketAddr::new(ip, address.port())
+}
+
+/// The address that others in the network reach this machine by, if it is in one: that of the way out. Nothing is sent.
+fn outside() -> Option<IpAddr> {
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+    // An address kept for documentation (RFC 5737).
+    socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
+    Some(socket.local_addr().ok()?.ip())
 }
 
 impl Show {
@@ -214,7 +225,7 @@ impl Show {
         if path.is_dir() {
             return Self::folder(args);
         }
-        if is_log(path)? {
+        if is_log(path)? || path.extension().is_some_and(|extension| extension == "mcap") {
             let beside = path.parent().and_then(Path::parent).map(|run| run.join("robot"));
             let robot = robot(args, beside.as_deref())?;
             let clips = Clips::new(&robot, vec![path.clone()]);

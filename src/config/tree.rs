@@ -61,7 +61,8 @@ impl Node {
 
     /// Lays `over` over this value: tables merge key by key, everything else is replaced.
     ///
-    /// A table whose `type` differs is replaced as a whole: the keys of one variant mean nothing to another.
+    /// A table whose `type` differs is replaced as a whole: the keys of one variant mean nothing to another. What somebody wrote in the place of
+    /// a table stays, so that it is refused there.
     pub fn overlay(&mut self, over: Node) {
         match (&mut self.item, over.item) {
             (Item::Table(entries), Item::Table(changes)) if same_variant(entries, &changes) => {
@@ -73,6 +74,7 @@ impl Node {
                 }
                 self.origin = over.origin;
             }
+            (item, Item::Table(_)) if self.origin.layer > 0 && !matches!(item, Item::Table(_)) => {}
             (item, change) => {
                 *item = change;
                 self.origin = over.origin;

@@ -32,13 +32,17 @@ pub(super) fn settings(bare: &Robot, found: &Findings) -> String {
         text += "\n# The standing pose.\n";
     }
     for (name, position) in &found.nominal {
-        let _ = writeln!(text, "[[joint]]\nmatch = [{}]\nnominal = {position:?}\n", quoted(name));
+        let _ = writeln!(
+            text,
+            "[[joint]]\nmatch = [{}]\nnominal = {position:?} # rad, guess\n",
+            quoted(name)
+        );
     }
     found.legs.iter().for_each(|leg| text += &foot(&leg.foot, bare));
     if let Some(sides) = found.sides.filter(|_| !found.legs.is_empty()) {
         let _ = writeln!(
             text,
-            "\n[mirror]\nleft = {}\nright = {}",
+            "\n# What names of joints on the left and right begin or end with, guess.\n[mirror]\nleft = {}\nright = {}",
             quoted(sides.left),
             quoted(sides.right)
         );
@@ -55,7 +59,7 @@ fn policy(found: &Findings) -> String {
         let chosen = found.servos.iter().filter(move |servo| servo.in_leg == in_leg);
         chosen.map(|servo| quoted(&servo.joint)).collect::<Vec<_>>()
     };
-    let mut text = format!("policy = [{}]\n", of(true).join(", "));
+    let mut text = format!("policy = [{}] # guess: the joints of the legs\n", of(true).join(", "));
     if !of(false).is_empty() {
         let _ = writeln!(
             text,
@@ -79,7 +83,10 @@ fn overlap(bare: &Robot, found: &Findings) -> String {
         .iter()
         .map(|&(a, b)| format!("[{}, {}]", name(a), name(b)))
         .collect();
-    format!("overlap_pairs = [{}]\n", pairs.join(", "))
+    format!(
+        "overlap_pairs = [{}] # guess: links that may not pass through each other\n",
+        pairs.join(", ")
+    )
 }
 
 fn alike(a: &Servo, b: &Servo) -> bool {
@@ -139,7 +146,7 @@ fn foot(foot: &Foot, bare: &Robot) -> String {
         values.collect::<Vec<_>>().join(", ")
     };
     format!(
-        "\n[[foot]]\nname = {}\nlink = {}\nsole = [{}] # centre in the link's frame, m, guess\nrpy = [{}]\nsize = [{}] # length and width, m, guess\n",
+        "\n[[foot]]\nname = {}\nlink = {}\nsole = [{}] # centre in the link's frame, m, guess\nrpy = [{}] # its turn there, rad, guess\nsize = [{}] # length and width, m, guess\n",
         quoted(&foot.name),
         quoted(&bare.links[foot.link].name),
         list(foot.sole.translation.vector.as_slice()),

@@ -26,6 +26,9 @@ use crate::run::sessions::Sessions;
 /// Every MCAP file starts with these bytes.
 const MCAP_MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
+/// Name of a robot's settings, beside its URDF.
+const ROBOT_SETTINGS: &str = "robot.toml";
+
 /// Every PNG file starts with these bytes.
 const PNG_MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Bytes that tell files apart.
@@ -130,10 +133,11 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
         Some("mcap") => Ok(Kind::Log),
         Some("safetensors") => Ok(Kind::Checkpoint),
         Some("toml") if name == "sessions.toml" => Ok(Kind::Sessions),
-        Some("toml") => Ok(match beside_a_urdf(path).map_err(io)? {
+        Some("toml") if name == ROBOT_SETTINGS => Ok(match beside_a_urdf(path).map_err(io)? {
             Some(folder) => Kind::RobotSettings(folder),
             None => Kind::Config,
         }),
+        Some("toml") => Ok(Kind::Config),
         Some("csv") => Ok(Kind::Metrics),
         Some("json") => Ok(Kind::Evaluation),
         Some("html") => Ok(Kind::Report),

@@ -2,7 +2,9 @@
 
 use std::fmt::{self, Display};
 
+use miette::Diagnostic;
 use omniwalk_env::task::episode::Fault;
+use thiserror::Error;
 
 use super::metrics::Figure;
 use super::trainer::{Report, Trainer};
@@ -27,6 +29,49 @@ pub fn symptom(trainer: &Trainer, report: &Report, figures: &[Figure]) -> Option
         };
         Symptom::of(figure, trainer.spec().action_len()).map(|symptom| symptom.to_string())
     })
+}
+
+/// Why a run cannot go on.
+#[derive(Debug, Error, Diagnostic)]
+pub enum Dead {
+    /// No step of an update could be computed.
+    #[error(
+        "every world went non-finite in every step of update {update}; the last checkpoint is as it was: {symptom}"
+    )]
+    #[diagnostic(help(
+        "no step can be computed: look at masses, gains and armature with `omniwalk inspect ROBOT`, or raise engine.physics_hz"
+    ))]
+    Worlds {
+        /// Updates done.
+        update: u64,
+        /// What was wrong with the first.
+        symptom: String,
+    },
+    /// A weight is not finite.
+    #[error("the networks' weights are not finite after update {update}; the last checkpoint is as it was")]
+    #[diagnostic(help(
+        "lower ppo.learning_rate and begin again, or look at reward.* and train.reward_scale for huge numbers"
+    ))]
+    Weights {
+        /// Updates done.
+        update: u64,
+    },
+}
+
+/// Whether the run can go on, to be asked before anything of an update is kept.
+///
+/// # Errors
+/// [`Dead`] if it cannot.
+pub fn check(trainer: &Trainer, report: &Report, symptom: Option<&str>) -> Result<(), Dead> {
+    let update = trainer.progress().update;
+    if report.lost == report.samples as u64 {
+        let symptom = symptom.unwrap_or_default().to_owned();
+        return Err(Dead::Worlds { update, symptom });
+    }
+    if !trainer.agent().is_finite() {
+        return Err(Dead::Weights { update });
+    }
+    Ok(())
 }
 
 /// A way in which a learner comes apart, with the figure that says so.

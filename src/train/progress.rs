@@ -1,5 +1,6 @@
 //! What a person sees while training runs.
 
+use std::fmt::{self, Display, Formatter};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
@@ -31,17 +32,34 @@ const TERMS: [(&str, &str); 6] = [
 const INTERVAL: Duration = Duration::from_secs(20);
 
 /// The progress of one run.
-pub struct Display {
+pub struct Reporter {
     bar: Option<ProgressBar>,
     format: LogFormat,
     quiet: bool,
     last: Option<Instant>,
     /// Whether something was wrong with the last update.
     ill: bool,
+    illness: Option<Illness>,
     total: u64,
 }
 
-impl Display {
+/// That something was wrong with updates.
+#[derive(Debug)]
+pub struct Illness {
+    /// How many.
+    updates: usize,
+    /// What was wrong with the last of them.
+    last: String,
+}
+
+impl Display for Illness {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let s = if self.updates == 1 { "" } else { "s" };
+        write!(f, "in {} update{s}, at last: {}", self.updates, self.last)
+    }
+}
+
+impl Reporter {
     /// A display for a run of `total` steps.
     pub fn new(total: u64, format: LogFormat, quiet: bool) -> Self {
         let terminal = std::io::stderr().is_terminal() && format == LogFormat::Text && !quiet;
@@ -58,6 +76,7 @@ impl Display {
             quiet,
             last: None,
             ill: false,
+            illness: None,
             total,
         }
     }
@@ -95,7 +114,16 @@ impl Display {
             say(line(&figure, self.left(steps, started, first_step), symptom.as_deref()))?;
         }
         self.ill = symptom.is_some();
+        if let Some(last) = symptom {
+            let updates = 1 + self.illness.take().map_or(0, |before| before.updates);
+            self.illness = Some(Illness { updates, last });
+        }
         Ok(())
+    }
+
+    /// What was wrong with the updates so far, if anything was.
+    pub fn illness(&self) -> Option<&Illness> {
+        self.illness.as_ref()
     }
 
     /// Ends the bar, so that later lines stand below it.

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use omniwalk_controller::Spec;
 use omniwalk_curriculum::{Curriculum, Performance};
+use omniwalk_env::engine::{Configured, Maker};
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::command::CommandRange;
 use omniwalk_env::task::episode::Fault;
@@ -94,8 +95,16 @@ impl Trainer {
     /// # Errors
     /// [`TrainError`] when robot and configuration do not fit together.
     pub fn new(settings: &Settings, robot: Arc<Robot>) -> Result<Self, TrainError> {
+        Self::with_engines(settings, robot, &Configured)
+    }
+
+    /// A run at its beginning, in engines that `engines` makes.
+    ///
+    /// # Errors
+    /// As [`Trainer::new`].
+    pub fn with_engines(settings: &Settings, robot: Arc<Robot>, engines: &dyn Maker) -> Result<Self, TrainError> {
         let train = &settings.train;
-        let batch = Batch::new(robot, &settings.env, train.environments, train.seed)?;
+        let batch = Batch::with_engines(robot, &settings.env, train.environments, train.seed, engines)?;
         let spec = &batch.shared().spec;
         let (observation_len, action_len) = (spec.observation_len(), spec.action_len());
         let agent = Agent::new(settings.ppo.clone(), observation_len, action_len, train.seed)?;

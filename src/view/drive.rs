@@ -66,7 +66,7 @@ impl Drive {
             velocity: [identity.curriculum.lower, identity.curriculum.upper],
             friction: range(0.05, 1.5_f64.max(friction), friction),
             latency: range(0.0, 0.15_f64.max(trained[1]), 0.5 * (trained[0] + trained[1])),
-            payload: range(0.0, 0.5 * robot.mass(), 0.0),
+            payload: range(0.0, (5.0 * robot.mass()).round() / 10.0, 0.0),
             push: MOST_PUSH * weight,
         };
         let joints = robot.policy.len();

@@ -42,6 +42,36 @@ fn a_fault_behind_seventy_thousand_columns_is_named_without_a_snippet() {
 }
 
 #[test]
+fn a_value_of_a_megabyte_is_not_repeated() {
+    for text in [
+        format!("train = \"{}\"\n", "x".repeat(900_000)),
+        format!("train = 3 # {}\n", "x".repeat(900_000)),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("bad.toml"), text).unwrap();
+        let output = omniwalk(folder.path(), &["train", "bad.toml", "--run", "run"]);
+        let message = output.message();
+        assert!(output.code == 2 && message.contains("bad.toml:1:9"), "{message:.2000}");
+        assert!(message.len() < 5_000, "{} bytes", message.len());
+    }
+}
+
+#[test]
+fn a_value_in_the_place_of_a_table_is_refused_whatever_is_set_below_it() {
+    let write = |folder: &Path| fs::write(folder.join("bad.toml"), "train = 3\n").unwrap();
+    let train = ["train", "bad.toml", "--run", "run", "--steps", "1000"];
+    refuses_in(write, &train, &["`train` has the wrong type", "bad.toml:1:9"]);
+}
+
+#[test]
+fn a_log_that_is_none_is_called_a_log() {
+    let write = |folder: &Path| fs::write(folder.join("walk.mcap"), "garbage").unwrap();
+    let robot = robot("nimbro_op2x");
+    let view = ["view", "walk.mcap", "--robot", robot.to_str().unwrap()];
+    refuses_in(write, &view, &["walk.mcap", "MCAP"]);
+}
+
+#[test]
 fn a_robot_toml_that_is_a_folder_is_refused() {
     let write = |folder: &Path| {
         copy(&robot("nimbro_op2x"), &folder.join("robot"));

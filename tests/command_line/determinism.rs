@@ -91,6 +91,14 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_finishes_the_update_and_writes_a_checkpoint() {
+    // Ctrl-C, and what a machine sends that shuts down.
+    for signal in ["-INT", "-TERM"] {
+        interrupted_by(signal);
+    }
+}
+
+#[cfg(unix)]
+fn interrupted_by(signal: &str) {
     use std::process::{Command, Stdio};
     use std::time::{Duration, Instant};
 
@@ -118,7 +126,7 @@ fn an_interrupt_finishes_the_update_and_writes_a_checkpoint() {
         std::thread::sleep(Duration::from_millis(5));
     }
     let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
+        .args([signal, &child.id().to_string()])
         .status()
         .unwrap();
     assert!(sent.success());
@@ -128,7 +136,7 @@ fn an_interrupt_finishes_the_update_and_writes_a_checkpoint() {
         String::from_utf8(output.stdout).unwrap(),
         String::from_utf8(output.stderr).unwrap(),
     );
-    assert!(err.contains("finishing this update and writing a checkpoint"), "{err}");
+    assert!(err.contains("stopped; writing a checkpoint"), "{err}");
     assert!(out.contains("go on:  omniwalk train --resume --run run"), "{out}");
     let run = folder.path().join("run");
     let latest = Checkpoints::new(run.join("checkpoints"))

@@ -173,7 +173,7 @@ fn files(folder: &Path) {
     );
     succeeds(folder, &["report", "run"]);
     inspects(folder, "run/learning.png", &["picture: ", " pixels"]);
-    inspects(folder, "run/report.html", &["report: ", "with 4 pictures"]);
+    inspects(folder, "run/report.html", &["report: ", "with 5 pictures"]);
     for path in contents(&folder.join("run")).into_keys() {
         succeeds(folder, &["inspect", &path.display().to_string()]);
     }

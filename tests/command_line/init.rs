@@ -70,7 +70,14 @@ fn feet_without_shapes_are_guessed_from_where_the_legs_end() {
     let drafted = stands(folder.path(), "bare.urdf");
     assert!(drafted.contains("soles from where the legs end"), "{drafted}");
     let settings = fs::read_to_string(folder.path().join("drafted/robot.toml")).unwrap();
-    assert!(settings.contains("guess") && settings.contains("[[foot]]"));
+    assert!(settings.contains("[[foot]]"));
+    for key in ["policy =", "overlap_pairs =", "nominal =", "kp =", "sole =", "size ="] {
+        let mut lines = settings.lines().filter(|line| line.starts_with(key)).peekable();
+        assert!(
+            lines.peek().is_some() && lines.all(|line| line.contains("guess")),
+            "{key} in\n{settings}"
+        );
+    }
 }
 
 #[test]

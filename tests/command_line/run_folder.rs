@@ -116,7 +116,11 @@ fn a_run_folder_that_somebody_removes_ends_the_run_at_once() {
             .spawn()
             .unwrap();
         let run = folder.path().join("run");
-        wait_for(&run.join("metrics.csv"));
+        let metrics = run.join("metrics.csv");
+        wait_for(&metrics);
+        while fs::read_to_string(&metrics).unwrap().lines().count() < 2 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
         // In one go: files that are written meanwhile would keep a folder from being removed.
         fs::rename(&run, folder.path().join("gone")).unwrap();
         fs::remove_dir_all(folder.path().join("gone")).unwrap();
@@ -181,6 +185,11 @@ fn a_run_that_comes_apart_says_so_at_once() {
     assert!(
         text.contains("WARNING: diverging: the policy changed by a KL of"),
         "{text}"
+    );
+    let quiet = train(&["--quiet"]);
+    assert!(
+        quiet.contains("WARNING: in") && quiet.contains("at last: diverging"),
+        "{quiet}"
     );
     let json = train(&["--log-format", "json"]);
     assert!(json.contains("\"warning\":\"diverging"), "{json}");

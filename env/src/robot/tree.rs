@@ -139,11 +139,22 @@ impl Tree {
             }
         }
         if !names.is_empty() {
-            let note = format!("no collision shape (meshes are not read): {}", names.join(", "));
+            let few = names.len().min(SHOWN);
+            let more = match names.len() - few {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            let note = format!(
+                "no collision shape (meshes are not read): {}{more}",
+                names[..few].join(", ")
+            );
             self.notes.push(note);
         }
     }
 }
+
+/// Links that a note names.
+const SHOWN: usize = 4;
 
 /// Pose of the child's frame after a joint at `position` (rad or m).
 fn motion(kind: JointKind, axis: &Unit<Vector3<f64>>, position: f64) -> Isometry3<f64> {
