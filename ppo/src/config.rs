@@ -55,6 +55,10 @@ pub enum Schedule {
     Adaptive {
         /// Wanted divergence, nats, of the action vector.
         kl_target: f64,
+        /// Steps of the optimiser after which the target falls as the inverse square of their number, and the learning rate that keeps to it
+        /// as the inverse: what a policy is left with is then the mean of many updates and not the noise of the last (Robbins and Monro 1951).
+        /// 0: it does not.
+        settle: u64,
         /// Smallest learning rate.
         minimum: f64,
         /// Largest learning rate.
@@ -109,6 +113,7 @@ impl Config {
             kl_target,
             minimum,
             maximum,
+            ..
         } = self.schedule
         {
             check(positive(kl_target), "schedule.kl_target", "above 0")?;

@@ -141,6 +141,7 @@ fn impossible_values_are_refused_by_key() {
         ("schedule.kl_target", |c| {
             c.schedule = Schedule::Adaptive {
                 kl_target: 0.0,
+                settle: 0,
                 minimum: 1e-5,
                 maximum: 1e-2,
             }
@@ -148,6 +149,7 @@ fn impossible_values_are_refused_by_key() {
         ("schedule.minimum", |c| {
             c.schedule = Schedule::Adaptive {
                 kl_target: 0.1,
+                settle: 0,
                 minimum: 1.0,
                 maximum: 1.0,
             }
@@ -155,6 +157,7 @@ fn impossible_values_are_refused_by_key() {
         ("schedule.maximum", |c| {
             c.schedule = Schedule::Adaptive {
                 kl_target: 0.1,
+                settle: 0,
                 minimum: 1e-5,
                 maximum: 1e-5,
             }

@@ -121,8 +121,12 @@ impl Learner {
                 }
                 // Before the first step the divergence is zero and says nothing.
                 if epoch + minibatch > 0 {
-                    *learned.learning_rate =
-                        adapt(config.schedule, *learned.learning_rate, sums.policy.kl / count as f64);
+                    *learned.learning_rate = adapt(
+                        config.schedule,
+                        *learned.steps,
+                        *learned.learning_rate,
+                        sums.policy.kl / count as f64,
+                    );
                 }
                 step(learned, norms);
                 stats.steps += 1;
@@ -226,13 +230,53 @@ fn norm(network: &Network) -> f64 {
     network.tiles.iter().map(|tile| tile.squared).sum::<f64>().sqrt()
 }
 
-/// The next learning rate.
-fn adapt(schedule: Schedule, rate: f64, kl: f64) -> f64 {
-    match schedule {
-        Schedule::Fixed {} => rate,
-        Schedule::Adaptive { kl_target, minimum, .. } if kl > 2.0 * kl_target => (rate / 1.5).max(minimum),
-        Schedule::Adaptive { kl_target, maximum, .. } if kl < 0.5 * kl_target => (rate * 1.5).min(maximum),
-        Schedule::Adaptive { .. } => rate,
+/// The learning rate after `steps` of the optimiser, the last of them with `rate` to a divergence of `kl`.
+fn adapt(schedule: Schedule, steps: u64, rate: f64, kl: f64) -> f64 {
+    let Schedule::Adaptive {
+        kl_target,
+        settle,
+        minimum,
+        maximum,
+    } = schedule
+    else {
+        return rate;
+    };
+    let share = if settle > 0 { settle as f64 / steps as f64 } else { 1.0 };
+    let target = kl_target * share.min(1.0).powi(2);
+    match kl / target {
+        ratio if ratio > 2.0 => (rate / 1.5).max(minimum),
+        ratio if ratio < 0.5 => (rate * 1.5).min(maximum),
+        _ => rate,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_learning_rate_follows_a_target_that_falls_once_it_settles() {
+        let adapt = |settle, steps, kl| {
+            let schedule = Schedule::Adaptive {
+                kl_target: 0.01,
+                settle,
+                minimum: 1e-5,
+                maximum: 1e-3,
+            };
+            super::adapt(schedule, steps, 3e-4, kl)
+        };
+        for (settle, steps) in [(0, 1_000_000), (100, 1), (100, 100)] {
+            assert_eq!(
+                [0.021, 0.01, 0.004].map(|kl| adapt(settle, steps, kl)),
+                [3e-4 / 1.5, 3e-4, 3e-4 * 1.5]
+            );
+        }
+        // Twice as many steps: a quarter of the target.
+        assert_eq!(
+            [0.006, 0.0025, 0.001].map(|kl| adapt(100, 200, kl)),
+            [3e-4 / 1.5, 3e-4, 3e-4 * 1.5]
+        );
+        assert_eq!(super::adapt(Schedule::Fixed {}, 5, 3e-4, 1.0), 3e-4);
     }
 }
 

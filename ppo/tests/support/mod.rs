@@ -11,6 +11,7 @@ pub fn config() -> Config {
         learning_rate: 3e-4,
         schedule: Schedule::Adaptive {
             kl_target: 0.02,
+            settle: 0,
             minimum: 1e-5,
             maximum: 1e-2,
         },
