@@ -9,8 +9,11 @@ use thiserror::Error;
 use super::canvas::Canvas;
 use super::{ReportError, commands, polar};
 
-/// Most commands, or cells of a grid, that are drawn.
+/// Most commands of a suite.
 const MOST: usize = 10_000;
+/// Most pushes that are drawn, and values along an axis of the grid: more have no room.
+const MOST_PUSHES: usize = 100;
+const MOST_ALONG: usize = 25;
 /// Largest velocity, m/s or rad/s, and force, N, that a picture has room for.
 const LARGEST: f64 = 1e6;
 
@@ -129,7 +132,8 @@ impl Evaluation {
         }
         let pushes = self.push.iter().flat_map(|push| &push.rows);
         let mut forces = pushes.flat_map(|row| [row.all_ten_n, row.max_n, row.thesis_all_ten_n, row.thesis_max_n]);
-        if forces.any(|force| !(0.0..=LARGEST).contains(&force)) {
+        let many = self.push.as_ref().is_some_and(|push| push.rows.len() > MOST_PUSHES);
+        if many || forces.any(|force| !(0.0..=LARGEST).contains(&force)) {
             return Some("forces of pushes that are none".into());
         }
         let grid = &self.tracking.as_ref()?.grid;
@@ -141,7 +145,7 @@ impl Evaluation {
                 && cells.iter().all(|slice| slice.len() == grid.v_y.len())
                 && rows().all(|row| row.len() == grid.v_x.len())
         };
-        let few = axes.iter().all(|axis| (1..=MOST).contains(&axis.len()));
+        let few = axes.iter().all(|axis| (1..=MOST_ALONG).contains(&axis.len()));
         if !few || !axes.into_iter().flatten().all(drawn) || !cells.into_iter().all(is_full) {
             return Some("the cells of tracking.grid are not as many as its axes say".into());
         }
@@ -197,6 +201,31 @@ mod tests {
         assert_eq!(named(&json!({"push": {"rows": pushes}})), ["eval_push.png"]);
         // A robot that was pushed from one side only.
         assert_eq!(named(&json!({"push": {"rows": [pushed("left")]}})), ["eval_push.png"]);
+    }
+
+    #[test]
+    fn what_is_large_and_odd_is_drawn_all_the_same() {
+        let pushed = |i: usize| json!({"command": [i, 0.0, 0.0], "direction": "up", "all_ten_n": 1e6, "max_n": 0.0, "thesis_all_ten_n": 0.0, "thesis_max_n": 0.0});
+        assert_eq!(
+            named(&json!({"push": {"rows": (0..MOST_PUSHES).map(pushed).collect::<Vec<_>>()}})),
+            ["eval_push.png"]
+        );
+        let (axis, same) = (
+            (0..MOST_ALONG).map(|i| i as f64).collect::<Vec<_>>(),
+            vec![0.5; MOST_ALONG],
+        );
+        let cells = vec![vec![vec![1e300; MOST_ALONG]; MOST_ALONG]; MOST_ALONG];
+        for (v_x, v_y) in [(&axis, &same), (&same, &axis)] {
+            let grid = json!({"v_x": v_x, "v_y": v_y, "omega_z": axis, "episodes": 0, "cells": {"error_xy_mps": cells, "error_yaw_radps": cells, "falls": cells}});
+            assert_eq!(
+                named(&json!({"tracking": {"rows": [held(), held()], "grid": grid}})),
+                ["eval_error.png", "eval_grid.png"]
+            );
+        }
+        let mut odd = held();
+        (odd["falls"], odd["episodes"], odd["error_xy_mps"]) = (json!(-1e300), json!(0), json!(1e308));
+        assert_eq!(named(&json!({"falls": {"rows": vec![odd.clone(); MOST]}, "tracking": {"rows": [odd], "grid": {"v_x": [1e6], "v_y": [-1e6], "omega_z": [0], "episodes": 1,
+            "cells": {"error_xy_mps": [[[null]]], "error_yaw_radps": [[[null]]], "falls": [[[null]]]}}}})).len(), 3);
     }
 
     #[test]
