@@ -251,6 +251,25 @@ fn adapt(schedule: Schedule, steps: u64, rate: f64, kl: f64) -> f64 {
 }
 
 #[cfg(test)]
+impl Learner {
+    /// Observation as the network sees it, action, advantage and return of every sample.
+    pub(crate) fn samples(&self) -> Vec<(Vec<f64>, Vec<f64>, f64, f64)> {
+        let wide = |values: &[f32]| values.iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
+        let sample = |index: usize| {
+            let data = &self.data;
+            let (advantage, value) = (data.advantage(index), data.target(index));
+            (
+                wide(data.observation(index)),
+                wide(data.action(index)),
+                f64::from(advantage),
+                f64::from(value),
+            )
+        };
+        (0..self.data.order.len()).map(sample).collect()
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -277,24 +296,5 @@ mod tests {
             [3e-4 / 1.5, 3e-4, 3e-4 * 1.5]
         );
         assert_eq!(super::adapt(Schedule::Fixed {}, 5, 3e-4, 1.0), 3e-4);
-    }
-}
-
-#[cfg(test)]
-impl Learner {
-    /// Observation as the network sees it, action, advantage and return of every sample.
-    pub(crate) fn samples(&self) -> Vec<(Vec<f64>, Vec<f64>, f64, f64)> {
-        let wide = |values: &[f32]| values.iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
-        let sample = |index: usize| {
-            let data = &self.data;
-            let (advantage, value) = (data.advantage(index), data.target(index));
-            (
-                wide(data.observation(index)),
-                wide(data.action(index)),
-                f64::from(advantage),
-                f64::from(value),
-            )
-        };
-        (0..self.data.order.len()).map(sample).collect()
     }
 }
