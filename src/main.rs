@@ -66,7 +66,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(report) if matches!(report.downcast_ref(), Some(OutputError::Closed)) => ExitCode::SUCCESS,
         Err(report) => {
-            eprintln!("{}", omniwalk::complaint::text(&report));
+            omniwalk::terminal::tell(format_args!("{}", omniwalk::complaint::text(&report)));
             ExitCode::from(2)
         }
     }

@@ -35,6 +35,12 @@ pub fn say(line: impl Display) -> Result<(), OutputError> {
         })
 }
 
+/// Tells whoever runs the program: `line` on standard error, which may have gone, as `tee` does at a Ctrl-C, or be full. What the
+/// program is doing goes on all the same (`eprintln!` would panic).
+pub fn tell(line: impl Display) {
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
 /// A flag that Ctrl-C, or SIGTERM as a machine that shuts down sends it, sets. A second one ends the process.
 ///
 /// # Errors

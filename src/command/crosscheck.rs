@@ -19,7 +19,7 @@ use crate::crosscheck::{dynamics, motions, network, observation, page};
 use crate::eval::suites::Plan;
 use crate::files::can_write;
 use crate::run::{create_folder, write_atomic};
-use crate::terminal::say;
+use crate::terminal::{say, tell};
 
 /// Holds a policy and the engines against MuJoCo.
 ///
@@ -100,7 +100,7 @@ pub fn main(arguments: &[String]) -> u8 {
     match run(&parsed.args) {
         Ok(passed) => u8::from(!passed),
         Err(report) => {
-            eprintln!("{}", complaint::text(&report));
+            tell(format_args!("{}", complaint::text(&report)));
             2
         }
     }

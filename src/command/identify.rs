@@ -9,7 +9,7 @@ use omniwalk_sim2real::recording::{self, Map, RecordingError};
 
 use super::load;
 use crate::report::identification;
-use crate::terminal::{OutputError, say};
+use crate::terminal::{OutputError, say, tell};
 
 /// Finds the physical effect that the robot's model lacks, and writes the robot with it.
 ///
@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         compare: args.compare,
         out: &args.out,
     };
-    let outcome = identify::run(&task, &|line| eprintln!("{line}"))?;
+    let outcome = identify::run(&task, &|line| tell(format_args!("{line}")))?;
     let json = serde_json::to_string_pretty(&outcome).into_diagnostic()? + "\n";
     load::write(&args.out.join("report.json"), &json)?;
     if outcome.verdict == Verdict::InsufficientData {

@@ -16,6 +16,7 @@ use crate::files;
 use crate::run::checkpoints::Latest;
 use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
+use crate::terminal::tell;
 use crate::train::origin::Source;
 
 /// Settings from the defaults, a file and single changes, and the whole of them as TOML.
@@ -66,7 +67,10 @@ pub fn latest(run: &RunFolder) -> miette::Result<Latest> {
             run.path().display()
         )
     })?;
-    latest.skipped.iter().for_each(|error| eprintln!("warning: {error}"));
+    latest
+        .skipped
+        .iter()
+        .for_each(|error| tell(format_args!("warning: {error}")));
     Ok(latest)
 }
 

@@ -17,7 +17,7 @@ use crate::report::motion::Motion;
 use crate::report::{film, gait, health, learning, load as loads};
 use crate::run::sessions::{Session, Sessions};
 use crate::run::{RunFolder, create_folder, files_of, write_atomic};
-use crate::terminal::{quoted, say};
+use crate::terminal::{quoted, say, tell};
 
 /// Largest text file of a run that is read, bytes.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
@@ -95,7 +95,7 @@ fn motion_pictures(run: &RunFolder) -> Result<Vec<(&'static str, Canvas)>> {
             Ok(motion) if fastest.as_ref().is_none_or(|other| motion.speed() > other.speed()) => fastest = Some(motion),
             Ok(_) => {}
             // An evaluation may be writing it.
-            Err(error) => eprintln!("warning: left out: {error}"),
+            Err(error) => tell(format_args!("warning: left out: {error}")),
         }
     }
     let Some(motion) = fastest else {

@@ -19,7 +19,7 @@ use crate::run::metrics::MetricsWriter;
 use crate::run::sessions::{self, Origin, Session as Record, Sessions};
 use crate::run::transfer::COLUMNS;
 use crate::settings::Settings;
-use crate::terminal::{OutputError, interrupt, quoted, say};
+use crate::terminal::{OutputError, interrupt, quoted, say, tell};
 use crate::train::checkpoint;
 use crate::train::health;
 use crate::train::metrics::{self, Figure};
@@ -125,7 +125,7 @@ impl Session {
         let (settings, text) = load::settings(args.config.as_deref(), &changes)?;
         let robot = load::robot(&settings.robot.path)?;
         if !args.quiet {
-            robot.notes.iter().for_each(|note| eprintln!("note: {note}"));
+            robot.notes.iter().for_each(|note| tell(format_args!("note: {note}")));
         }
         check_feet(&settings, &robot)?;
         let source = args.from.as_deref().map(load::source).transpose()?;
@@ -181,7 +181,9 @@ impl Session {
         let shape = Shape::new(&settings, &run.robot())?;
         let cannot = || format!("cannot go on from {}", latest.path.display());
         for setting in shape.check(&latest.checkpoint).wrap_err_with(cannot)? {
-            eprintln!("warning: the run was trained by a version that did not know {setting}");
+            tell(format_args!(
+                "warning: the run was trained by a version that did not know {setting}"
+            ));
         }
         let trainer = checkpoint::restore(&latest.checkpoint, &settings, robot).wrap_err_with(cannot)?;
         let step = trainer.progress().steps;
@@ -196,10 +198,10 @@ impl Session {
         }
         let mut sessions = Sessions::open(&run.sessions())?;
         if step > 0 && !run.metrics().exists() {
-            eprintln!(
+            tell(format_args!(
                 "warning: {} is gone: it begins anew, the curves before step {step} are lost",
                 run.metrics().display()
-            );
+            ));
         }
         let metrics = MetricsWriter::resume(&run.metrics(), &metrics::NAMES, step)?;
         sessions.push(session(&settings, step, None))?;
@@ -247,7 +249,7 @@ impl Session {
         }
         reporter.finish();
         if stop.load(Ordering::Relaxed) {
-            eprintln!("stopped; writing a checkpoint");
+            tell(format_args!("stopped; writing a checkpoint"));
         }
         let path = self.save()?;
         if !stop.load(Ordering::Relaxed) {
@@ -292,7 +294,9 @@ impl Session {
         let Some(mut background) = self.background.take() else {
             return Ok(());
         };
-        eprintln!("cross-checking the last checkpoint; it is saved, Ctrl-C ends at once");
+        tell(format_args!(
+            "cross-checking the last checkpoint; it is saved, Ctrl-C ends at once"
+        ));
         let mut measured = Vec::new();
         let last = checkpoint::save(&self.trainer, &self.shape)?;
         background.finish(&self.run, &last, |one| measured.push(one));
@@ -408,8 +412,13 @@ fn check_feet(settings: &Settings, robot: &Robot) -> miette::Result<()> {
 }
 
 fn default_folder(config: Option<&Path>, seed: u64) -> PathBuf {
-    let name = config
-        .and_then(Path::file_stem)
-        .map_or_else(|| "default".into(), |stem| stem.to_string_lossy());
+    let stem = config.and_then(Path::file_stem);
+    // `omniwalk init` writes ROBOT/train.toml.
+    let parent = config.and_then(Path::parent).and_then(Path::file_name);
+    let name = match stem {
+        Some(stem) if stem == "train" => parent.unwrap_or(stem).to_string_lossy(),
+        Some(stem) => stem.to_string_lossy(),
+        None => "default".into(),
+    };
     Path::new("runs").join(format!("{name}-{seed}"))
 }

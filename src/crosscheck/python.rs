@@ -1,6 +1,7 @@
 //! Where Python and MuJoCo come from: an environment that this program makes for itself, one that the user names, or an
 //! interpreter that the user names. Nothing is ever put into an environment that this program did not make.
 
+use crate::terminal::tell;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -196,7 +197,10 @@ fn environment_of(folder: &Path) -> miette::Result<PathBuf> {
 
 /// Makes the environment in `folder`.
 fn make(folder: &Path, interpreter: &Path) -> miette::Result<()> {
-    eprintln!("making a Python environment with MuJoCo in {}", folder.display());
+    tell(format_args!(
+        "making a Python environment with MuJoCo in {}",
+        folder.display()
+    ));
     let lock = folder.join("crosscheck.txt");
     let cannot = || format!("cannot write {}", lock.display());
     fs::write(&lock, LOCK).into_diagnostic().wrap_err_with(cannot)?;

@@ -21,6 +21,8 @@ pub struct Recorder {
     environment: usize,
     writer: LogWriter,
     path: PathBuf,
+    /// Where it is written until it is whole: what a kill, or a full disk, leaves of it is not taken for a log, and what was at `path` stays.
+    draft: PathBuf,
     telemetry: Telemetry,
     time: u64,
     step: u64,
@@ -34,7 +36,8 @@ impl Recorder {
     /// # Errors
     /// [`LogError`] when the file cannot be written.
     pub fn create(path: &Path, environment: usize, robot: &Arc<Robot>, dt: f64) -> Result<Self, LogError> {
-        let mut writer = LogWriter::create(path)?;
+        let draft = path.with_extension("mcap.unfinished");
+        let mut writer = LogWriter::create(&draft)?;
         let about = [("robot", robot.name.clone()), ("control_dt", dt.to_string())];
         writer.metadata(
             "rollout",
@@ -49,6 +52,7 @@ impl Recorder {
             environment,
             writer,
             path: path.to_owned(),
+            draft,
             telemetry,
             time: 0,
             step: (dt * 1e9).round() as u64,
@@ -155,6 +159,11 @@ impl Recorder {
     /// [`LogError`] when the file cannot be written.
     pub fn finish(self) -> Result<PathBuf, LogError> {
         self.writer.finish()?;
+        let renamed = std::fs::rename(&self.draft, &self.path);
+        renamed.map_err(|source| LogError::Io {
+            path: self.path.clone(),
+            source,
+        })?;
         Ok(self.path)
     }
 }

@@ -125,6 +125,17 @@ fn table(eval: &Value, out: &mut String) {
         escaped(&said.collect::<Vec<_>>().join(", "))
     );
     for (suite, results) in eval.as_object().into_iter().flatten() {
+        if let (Some(survived), Some(total)) = (results.get("survived"), results.get("total")) {
+            let said = ["error_xy_mps", "error_yaw_radps"].map(|key| results.get(key).map_or(String::new(), cell));
+            let line = format!(
+                "{} of {} survived, error {} m/s, {} rad/s",
+                cell(survived),
+                cell(total),
+                said[0],
+                said[1]
+            );
+            let _ = writeln!(out, "<h4>{}</h4>\n<p>{}</p>", escaped(suite), escaped(&line));
+        }
         let Some(rows) = results.get("rows").and_then(Value::as_array) else {
             continue;
         };

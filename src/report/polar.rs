@@ -58,9 +58,9 @@ fn polar<'a>(title: &'a str, rows: &[&Pushed], reach: f64) -> Panel<'a> {
         y_label: force,
         lines: vec![
             Line::new("", FAINT, 2, circles.collect()),
-            Line::new("thesis, all", COLOURS[1], 2, polygon(rows, |row| row.thesis_all_ten_n)),
+            Line::new("thesis: all", COLOURS[1], 2, polygon(rows, |row| row.thesis_all_ten_n)),
             Line::new("any", COLOURS[1], 4, polygon(rows, |row| row.thesis_max_n)),
-            Line::new("all", COLOURS[0], 2, polygon(rows, |row| row.all_ten_n)),
+            Line::new("here: all", COLOURS[0], 2, polygon(rows, |row| row.all_ten_n)),
             Line::new("any", COLOURS[0], 5, polygon(rows, |row| row.max_n)),
         ],
         ..Panel::default()

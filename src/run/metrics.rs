@@ -71,20 +71,22 @@ impl MetricsWriter {
         Self::over(path, OpenOptions::new().append(true).open(path), columns)
     }
 
-    /// Goes on with the file at `path` after a stop: rows after `step`, and a last row that was cut off, go.
+    /// Goes on with the file at `path` after a stop: rows after `step`, and those that are cut off or no numbers, go.
     /// Columns that it does not have yet, an older program having begun it, are empty in its rows. Starts a new file if there is none.
     ///
     /// # Errors
     /// [`MetricsError::OtherColumns`], or [`MetricsError::Io`].
     pub fn resume(path: &Path, columns: &[&str], step: u64) -> Result<Self, MetricsError> {
-        if !path.exists() {
-            return Self::create(path, columns);
-        }
         let io = |why| MetricsError::Io {
             path: path.to_owned(),
             why,
         };
-        let text = fs::read_to_string(path).map_err(io)?;
+        let text = match fs::read_to_string(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Self::create(path, columns),
+            // A full disk leaves one like that.
+            Ok(text) if text.is_empty() => header(columns),
+            text => text.map_err(io)?,
+        };
         let (first, rows) = text.split_once('\n').unwrap_or_default();
         let known: Vec<&str> = first.split(',').collect();
         let other = || MetricsError::OtherColumns { path: path.to_owned() };
@@ -92,9 +94,8 @@ impl MetricsWriter {
         let kept: String = rows
             .split_inclusive('\n')
             .filter_map(|row| row.strip_suffix('\n'))
-            .filter(|row| {
-                row.split(',').count() == known.len() && step_of(row).is_some_and(|row_step| row_step <= step)
-            })
+            .filter(|row| row.split(',').count() == known.len() && row.split(',').all(is_cell))
+            .filter(|row| step_of(row).is_some_and(|row_step| row_step <= step))
             .map(|row| rearranged(row, &places))
             .collect();
         let header = header(columns);
@@ -167,6 +168,11 @@ fn rearranged(row: &str, places: &[Option<usize>]) -> String {
     let cell = |place: &Option<usize>| place.map_or("", |place| cells[place]);
     let rest: String = places.iter().map(|place| format!(",{}", cell(place))).collect();
     format!("{}{rest}\n", cells[0])
+}
+
+/// Whether a cell is a number, or empty: others could not be read again.
+fn is_cell(cell: &str) -> bool {
+    cell.is_empty() || cell.parse::<f64>().is_ok()
 }
 
 fn step_of(row: &str) -> Option<u64> {
@@ -323,10 +329,28 @@ mod tests {
         let mut old = MetricsWriter::create(&path, &["return", "falls"]).unwrap();
         old.append(1, &[0.1, f64::NAN]).unwrap();
         old.append(2, &[0.3, 4.0]).unwrap();
+        fs::OpenOptions::new()
+            .append(true)
+            .open(&path)
+            .unwrap()
+            .write_all(b"2,zz,1\n")
+            .unwrap();
         let mut new = MetricsWriter::resume(&path, &["level", "falls", "return"], 2).unwrap();
         new.append(3, &[0.5, 6.0, 0.7]).unwrap();
         let text = fs::read_to_string(&path).unwrap();
         assert_eq!(text, "step,level,falls,return\n1,,,0.1\n2,,4,0.3\n3,0.5,6,0.7\n");
+    }
+
+    #[test]
+    fn an_empty_file_is_begun_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.csv");
+        fs::write(&path, "").unwrap();
+        MetricsWriter::resume(&path, &["a"], 5)
+            .unwrap()
+            .append(6, &[0.5])
+            .unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "step,a\n6,0.5\n");
     }
 
     #[test]

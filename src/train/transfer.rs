@@ -15,6 +15,7 @@ use crate::run::checkpoint::Checkpoint;
 use crate::run::metrics::MetricsWriter;
 use crate::run::transfer::{self, COLUMNS};
 use crate::run::{RunFolder, create_folder};
+use crate::terminal::tell;
 
 /// What is walked: the commands of the run's evaluation, so often and so long, s. Half a minute of one core for the default.
 const SUITE: [&str; 6] = ["--suite", "commands", "--episodes", "10", "--seconds", "10"];
@@ -123,7 +124,7 @@ impl Background {
                 self.last = Some(running.step);
                 self.running = Some(running);
             }
-            Err(error) => eprintln!("warning: the cross-check was not started: {error:#}"),
+            Err(error) => tell(format_args!("warning: the cross-check was not started: {error:#}")),
         }
     }
 
@@ -196,7 +197,11 @@ impl Background {
         };
         transfer::tidy(run);
         measured
-            .map_err(|error| eprintln!("warning: the cross-check of step {step} failed: {error:#}"))
+            .map_err(|error| {
+                tell(format_args!(
+                    "warning: the cross-check of step {step} failed: {error:#}"
+                ))
+            })
             .ok()
     }
 }

@@ -97,6 +97,39 @@ fn an_interrupt_finishes_the_update_and_writes_a_checkpoint() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupt_whose_words_nobody_reads_writes_a_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
+    let full = || fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_omniwalk"))
+        .current_dir(folder.path())
+        .args(["train", "tiny.toml", "--run", "run", "--steps", "1000000000", "--quiet"])
+        .stdout(full())
+        .stderr(full())
+        .spawn()
+        .unwrap();
+    let rows = || fs::read_to_string(folder.path().join("run/metrics.csv")).map_or(0, |text| text.lines().count());
+    while rows() < 3 {
+        assert!(child.try_wait().unwrap().is_none(), "training has ended");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let id = child.id().to_string();
+    assert!(
+        std::process::Command::new("kill")
+            .args(["-INT", &id])
+            .status()
+            .unwrap()
+            .success()
+    );
+    // What cannot be said is an error, and no more than that.
+    assert_eq!(child.wait().unwrap().code(), Some(2));
+    let run = folder.path().join("run");
+    let latest = Checkpoints::new(run.join("checkpoints")).latest().unwrap().unwrap();
+    assert_eq!(latest.checkpoint.step.to_string(), metrics(&run).last().unwrap()[0]);
+}
+
 #[cfg(unix)]
 fn interrupted_by(signal: &str) {
     use std::process::{Command, Stdio};
