@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use miette::Diagnostic;
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 use thiserror::Error;
 
@@ -41,18 +41,28 @@ pub fn tell(line: impl Display) {
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
-/// A flag that Ctrl-C, or SIGTERM as a machine that shuts down sends it, sets. A second one ends the process.
+/// A flag that Ctrl-C sets, SIGTERM as a machine that shuts down sends it, and SIGHUP as a terminal that is closed does, unless
+/// `nohup` says that it means nothing. A second one ends the process.
 ///
 /// # Errors
 /// When the system takes no handlers.
 pub fn interrupt() -> io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
+    let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
+    for signal in [SIGINT, SIGTERM].into_iter().chain(hangup) {
         // Looked at before the flag is set: the first time it is not.
         flag::register_conditional_shutdown(signal, 128 + signal, stop.clone())?;
         flag::register(signal, stop.clone())?;
     }
     Ok(stop)
+}
+
+/// Whether whoever started the process had `signal` ignored; where the system has no `/proc` to say so it counts as ignored.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_none_or(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
 /// A word as a shell takes it.

@@ -7,9 +7,6 @@ use std::time::{Duration, Instant, SystemTime};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_env::config::EngineKind;
 use omniwalk_env::robot::Robot;
-use omniwalk_env::task::episode::End;
-use omniwalk_env::task::tracking::Tracking;
-use serde_json::json;
 
 use super::load;
 use crate::run::RunFolder;
@@ -19,8 +16,9 @@ use crate::run::metrics::MetricsWriter;
 use crate::run::sessions::{self, Origin, Session as Record, Sessions};
 use crate::run::transfer::COLUMNS;
 use crate::settings::Settings;
-use crate::terminal::{OutputError, interrupt, quoted, say, tell};
+use crate::terminal::{interrupt, say, tell};
 use crate::train::checkpoint;
+use crate::train::conclusion::{self, Conclusion};
 use crate::train::health;
 use crate::train::metrics::{self, Figure};
 use crate::train::progress::{Illness, LogFormat, Reporter};
@@ -193,7 +191,9 @@ impl Session {
                 folder.display(),
                 settings.train.steps
             ))?;
-            advise(&folder, true)?;
+            for (what, command) in conclusion::next(&folder, true) {
+                say(format_args!("{what}: {command}"))?;
+            }
             return Ok(None);
         }
         let mut sessions = Sessions::open(&run.sessions())?;
@@ -204,6 +204,9 @@ impl Session {
             ));
         }
         let metrics = MetricsWriter::resume(&run.metrics(), &metrics::NAMES, step)?;
+        if let Some(damage) = metrics.damage() {
+            tell(format_args!("warning: {damage}"));
+        }
         sessions.push(session(&settings, step, None))?;
         if args.steps.is_some() {
             run.begin(&text)?;
@@ -244,7 +247,7 @@ impl Session {
                 written = Instant::now();
             }
             noted?;
-            shown?;
+            shown.inspect_err(|_| self.cut_short())?;
             self.tend()?;
         }
         reporter.finish();
@@ -255,7 +258,22 @@ impl Session {
         if !stop.load(Ordering::Relaxed) {
             self.finish_transfer()?;
         }
-        Ok(self.conclude(&path, args.log_format, reporter.illness())?)
+        let warning = reporter.illness().map(Illness::to_string);
+        let conclusion = Conclusion::new(&self.trainer, total, &self.folder, &path, warning);
+        Ok(match args.log_format {
+            LogFormat::Json => say(conclusion.json()),
+            LogFormat::Text => say(conclusion),
+        }?)
+    }
+
+    /// Nobody may be looking at standard output any more, but whoever finds the run stopped wants to know why.
+    fn cut_short(&self) {
+        let next = conclusion::next(&self.folder, false);
+        let (_, command) = &next[0];
+        tell(format_args!(
+            "standard output takes no more: training stops with a checkpoint at step {}; go on: {command}",
+            self.trainer.progress().steps
+        ));
     }
 
     fn write(&mut self, figures: &[Figure]) -> miette::Result<()> {
@@ -309,47 +327,6 @@ impl Session {
             .into_diagnostic()
             .wrap_err("cannot write TensorBoard events")
     }
-
-    fn conclude(&self, path: &Path, format: LogFormat, illness: Option<&Illness>) -> Result<(), OutputError> {
-        let progress = self.trainer.progress();
-        if format == LogFormat::Json {
-            let minutes = progress.seconds / 60.0;
-            let mut end = json!({"finished": progress.steps, "minutes": minutes, "checkpoint": path});
-            if let Some(illness) = illness {
-                end["warning"] = json!(illness.to_string());
-            }
-            return say(end);
-        }
-        say(format_args!(
-            "{} of {} steps in {:.1} minutes; checkpoint {}",
-            progress.steps,
-            self.settings.train.steps,
-            progress.seconds / 60.0,
-            path.display()
-        ))?;
-        say(learned(&self.trainer))?;
-        if let Some(illness) = illness {
-            say(format_args!("WARNING: {illness}"))?;
-        }
-        advise(&self.folder, progress.steps >= self.settings.train.steps)
-    }
-}
-
-/// Five figures of the newest episodes: how long, how many fell, how well they held the command, how they stepped.
-fn learned(trainer: &Trainer) -> String {
-    let window = &trainer.progress().window;
-    let tracking = |value: fn(&Tracking) -> f64| window.mean(|episode| episode.tracking.as_ref().map(value));
-    let fallen = window.share(End::Fallen) + window.share(End::Overlap);
-    let steps = window.mean(|episode| Some(f64::from(episode.steps)));
-    format!(
-        "newest episodes: {:.1} s long, {:.0} % fell, error {:.2} m/s and {:.2} rad/s, {:.0} % of touchdowns alternate",
-        steps * trainer.batch().shared().config.control_dt(),
-        100.0 * fallen,
-        tracking(|tracking| tracking.error_xy_mps),
-        tracking(|tracking| tracking.error_yaw_radps),
-        100.0 * window.mean(|episode| Some(episode.gait.alternation)),
-    )
-    .replace("NaN", "-")
 }
 
 /// The cross-check beside the training of `run`, if it was asked for.
@@ -363,17 +340,6 @@ fn background(args: &Args, settings: &Settings, run: &RunFolder, step: u64) -> m
         python: args.python.clone(),
     });
     plan.map(|plan| Background::new(run, plan, step)).transpose()
-}
-
-/// Says what can be done with the run in `folder` next.
-fn advise(folder: &Path, finished: bool) -> Result<(), OutputError> {
-    let folder = quoted(&folder.to_string_lossy());
-    if finished {
-        say(format_args!("extend: omniwalk train --resume --run {folder} --steps N"))?;
-    } else {
-        say(format_args!("go on:  omniwalk train --resume --run {folder}"))?;
-    }
-    say(format_args!("judge:  omniwalk eval {folder}"))
 }
 
 /// What the record says of this process, which trains on from `step`.

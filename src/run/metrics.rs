@@ -23,14 +23,14 @@ pub enum MetricsError {
         /// What the system says.
         why: io::Error,
     },
-    /// The file has columns that this run does not write.
-    #[error("{} has other columns than this run writes", .path.display())]
-    #[diagnostic(help(
-        "it was written by a later version of omniwalk: go on with that, or start a new run, `--from` this one if you like"
-    ))]
-    OtherColumns {
+    /// The file has a column that this run does not write.
+    #[error("{}:1: this run writes no column {column:?}", .path.display())]
+    #[diagnostic(help("go on with the version of omniwalk that wrote it, or move the file away: it then begins anew"))]
+    OtherColumn {
         /// The file.
         path: PathBuf,
+        /// The column's name, shortened.
+        column: String,
     },
     /// A row is not numbers, or not as many as there are columns.
     #[error("{}:{line}: {why}", .path.display())]
@@ -51,6 +51,8 @@ pub struct MetricsWriter {
     path: PathBuf,
     columns: usize,
     row: String,
+    /// Lines of the rows that were left out because they are damaged.
+    damaged: Vec<usize>,
 }
 
 impl MetricsWriter {
@@ -71,11 +73,12 @@ impl MetricsWriter {
         Self::over(path, OpenOptions::new().append(true).open(path), columns)
     }
 
-    /// Goes on with the file at `path` after a stop: rows after `step`, and those that are cut off or no numbers, go.
-    /// Columns that it does not have yet, an older program having begun it, are empty in its rows. Starts a new file if there is none.
+    /// Goes on with the file at `path` after a stop: rows after `step`, and one that is cut off, go. So do damaged ones
+    /// ([`MetricsWriter::damage`]). Columns that it does not have yet, an older program having begun it, are empty in its rows.
+    /// Starts a new file if there is none.
     ///
     /// # Errors
-    /// [`MetricsError::OtherColumns`], or [`MetricsError::Io`].
+    /// [`MetricsError::OtherColumn`], or [`MetricsError::Io`].
     pub fn resume(path: &Path, columns: &[&str], step: u64) -> Result<Self, MetricsError> {
         let io = |why| MetricsError::Io {
             path: path.to_owned(),
@@ -89,18 +92,24 @@ impl MetricsWriter {
         };
         let (first, rows) = text.split_once('\n').unwrap_or_default();
         let known: Vec<&str> = first.split(',').collect();
-        let other = || MetricsError::OtherColumns { path: path.to_owned() };
-        let places = places(&known, columns).ok_or_else(other)?;
-        let kept: String = rows
-            .split_inclusive('\n')
-            .filter_map(|row| row.strip_suffix('\n'))
-            .filter(|row| row.split(',').count() == known.len() && row.split(',').all(is_cell))
-            .filter(|row| step_of(row).is_some_and(|row_step| row_step <= step))
-            .map(|row| rearranged(row, &places))
-            .collect();
-        let header = header(columns);
-        write_atomic(path, (header + &kept).as_bytes()).map_err(io)?;
-        Self::over(path, OpenOptions::new().append(true).open(path), columns)
+        let places = places(&known, columns).map_err(|column| MetricsError::OtherColumn {
+            path: path.to_owned(),
+            column: column.chars().take(40).collect(),
+        })?;
+        let (kept, damaged) = kept(rows, &known, &places, step);
+        write_atomic(path, (header(columns) + &kept).as_bytes()).map_err(io)?;
+        let writer = Self::over(path, OpenOptions::new().append(true).open(path), columns)?;
+        Ok(Self { damaged, ..writer })
+    }
+
+    /// What the file lost when it was gone on with, for a warning.
+    pub fn damage(&self) -> Option<String> {
+        let (first, rows) = (self.damaged.first()?, self.damaged.len());
+        let s = if rows == 1 { "" } else { "s" };
+        let path = self.path.display();
+        Some(format!(
+            "{path}:{first}: damaged; {rows} such row{s} left out, the curves have a gap there"
+        ))
     }
 
     /// Appends the row of `step`: one value per column. What was not measured is NaN and leaves its cell empty.
@@ -137,6 +146,7 @@ impl MetricsWriter {
             path: path.to_owned(),
             columns: columns.len(),
             row: String::new(),
+            damaged: Vec::new(),
         })
     }
 
@@ -154,12 +164,33 @@ fn header(columns: &[&str]) -> String {
     format!("step,{}\n", columns.join(","))
 }
 
-/// Where each of `columns` stands in a file with the header `known`, which begins with the step; `None` if that has others.
-fn places(known: &[&str], columns: &[&str]) -> Option<Vec<Option<usize>>> {
-    let (step, named) = known.split_first()?;
-    let all_known = *step == "step" && named.iter().all(|name| columns.contains(name));
+/// Where each of `columns` stands in a file with the header `known`, which begins with the step; the first column of it that is
+/// none of them, or there twice.
+fn places<'a>(known: &[&'a str], columns: &[&str]) -> Result<Vec<Option<usize>>, &'a str> {
+    let wrong = known.iter().enumerate().find(|(at, name)| match at {
+        0 => **name != "step",
+        _ => !columns.contains(name) || known[..*at].contains(name),
+    });
     let place = |column: &&str| known.iter().position(|name| name == column);
-    all_known.then(|| columns.iter().map(place).collect())
+    wrong.map_or_else(|| Ok(columns.iter().map(place).collect()), |(_, name)| Err(*name))
+}
+
+/// Of `rows` those up to `step` with their cells at `places`, and the lines of those that are damaged.
+fn kept(rows: &str, known: &[&str], places: &[Option<usize>], step: u64) -> (String, Vec<usize>) {
+    let (mut kept, mut damaged, mut before) = (String::new(), Vec::new(), None);
+    let whole = rows.split_inclusive('\n').filter_map(|row| row.strip_suffix('\n'));
+    for (row, line) in whole.zip(2..) {
+        let cells = row.split(',').count() == known.len() && row.split(',').all(is_cell);
+        match step_of(row).filter(|of| cells && before.is_none_or(|before| *of > before)) {
+            Some(of) if of <= step => {
+                kept.push_str(&rearranged(row, places));
+                before = Some(of);
+            }
+            Some(_) => {}
+            None => damaged.push(line),
+        }
+    }
+    (kept, damaged)
 }
 
 /// The row, which ends with a new line then, with the cells at `places` after its step; empty where there is none.
@@ -176,7 +207,7 @@ fn is_cell(cell: &str) -> bool {
 }
 
 fn step_of(row: &str) -> Option<u64> {
-    row.split(',').next()?.trim_end().parse().ok()
+    row.split(',').next()?.parse().ok()
 }
 
 /// What is in a `metrics.csv`.
@@ -267,6 +298,9 @@ impl Metrics {
         if values.len() != self.columns.len() {
             return Err("this row has another number of cells than the header");
         }
+        if self.last.as_ref().is_some_and(|(before, _)| step <= *before) {
+            return Err("the step is not after that of the row before");
+        }
         self.rows += 1;
         self.last = Some((step, values));
         Ok(())
@@ -313,13 +347,19 @@ mod tests {
             MetricsWriter::create(&path, &["return"]),
             Err(MetricsError::Io { .. })
         ));
-        for columns in [&["falls"][..], &[]] {
-            let other = MetricsWriter::resume(&path, columns, 0);
-            assert!(matches!(other, Err(MetricsError::OtherColumns { .. })));
-        }
+        let other = |columns: &[&str], named: &str| {
+            let error = MetricsWriter::resume(&path, columns, 0).unwrap_err();
+            assert!(
+                matches!(&error, MetricsError::OtherColumn { column, .. } if column == named),
+                "{error}"
+            );
+        };
+        other(&["falls"], "return");
+        other(&[], "return");
         fs::write(&path, "time,return\n1,2\n").unwrap();
-        let other = MetricsWriter::resume(&path, &["time", "return"], 0);
-        assert!(matches!(other, Err(MetricsError::OtherColumns { .. })));
+        other(&["time", "return"], "time");
+        fs::write(&path, "step,return,return\n1,2,3\n").unwrap();
+        other(&["return", "falls"], "return");
     }
 
     #[test]
@@ -333,9 +373,12 @@ mod tests {
             .append(true)
             .open(&path)
             .unwrap()
-            .write_all(b"2,zz,1\n")
+            .write_all(b"3,zz,1\n2,0,1\n9,1,1\n")
             .unwrap();
         let mut new = MetricsWriter::resume(&path, &["level", "falls", "return"], 2).unwrap();
+        // One that is no number, one that is there twice; not the one of a later step.
+        assert_eq!(new.damaged, [4, 5]);
+        assert!(new.damage().unwrap().contains("metrics.csv:4: damaged; 2 such rows"));
         new.append(3, &[0.5, 6.0, 0.7]).unwrap();
         let text = fs::read_to_string(&path).unwrap();
         assert_eq!(text, "step,level,falls,return\n1,,,0.1\n2,,4,0.3\n3,0.5,6,0.7\n");
@@ -371,6 +414,7 @@ mod tests {
             ("time,a\n", "metrics.csv:1: the first column"),
             ("step,a\n1,2\n3,x\n", "metrics.csv:3: a cell is not a number"),
             ("step,a\n1,2,3\n", "metrics.csv:2: this row has another number"),
+            ("step,a\n1,2\n1,2\n", "metrics.csv:3: the step is not after"),
         ] {
             fs::write(&path, text).unwrap();
             let message = Metrics::read(&path).unwrap_err().to_string();

@@ -2,6 +2,7 @@
 
 pub mod checkpoint;
 mod collect;
+pub mod conclusion;
 pub mod health;
 pub mod metrics;
 pub mod origin;

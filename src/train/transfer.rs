@@ -74,6 +74,9 @@ impl Background {
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot create {}", folder.display()))?;
         let writer = MetricsWriter::resume(&run.transfer(), &COLUMNS, step)?;
+        if let Some(damage) = writer.damage() {
+            tell(format_args!("warning: {damage}"));
+        }
         transfer::tidy(run);
         Ok(Self {
             due: (step / plan.every + 1) * plan.every,

@@ -93,8 +93,27 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
 fn an_interrupt_finishes_the_update_and_writes_a_checkpoint() {
     // Ctrl-C, and what a machine sends that shuts down.
     for signal in ["-INT", "-TERM"] {
-        interrupted_by(signal);
+        interrupted_by(signal, &[]);
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_terminal_that_is_closed_interrupts_unless_nohup_says_otherwise() {
+    // These tests may themselves run under nohup.
+    interrupted_by("-HUP", &["env", "--default-signal=HUP"]);
+
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = training(folder.path(), &["nohup"]);
+    let rows = || fs::read_to_string(folder.path().join("run/metrics.csv")).map_or(0, |text| text.lines().count());
+    let before = rows();
+    kill("-HUP", &child);
+    while rows() < before + 20 {
+        assert!(child.try_wait().unwrap().is_none(), "training has ended");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    kill("-INT", &child);
+    assert_eq!(child.wait().unwrap().code(), Some(0));
 }
 
 #[cfg(target_os = "linux")]
@@ -115,14 +134,7 @@ fn an_interrupt_whose_words_nobody_reads_writes_a_checkpoint() {
         assert!(child.try_wait().unwrap().is_none(), "training has ended");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    let id = child.id().to_string();
-    assert!(
-        std::process::Command::new("kill")
-            .args(["-INT", &id])
-            .status()
-            .unwrap()
-            .success()
-    );
+    kill("-INT", &child);
     // What cannot be said is an error, and no more than that.
     assert_eq!(child.wait().unwrap().code(), Some(2));
     let run = folder.path().join("run");
@@ -131,38 +143,44 @@ fn an_interrupt_whose_words_nobody_reads_writes_a_checkpoint() {
 }
 
 #[cfg(unix)]
-fn interrupted_by(signal: &str) {
+fn kill(signal: &str, child: &std::process::Child) {
+    let sent = std::process::Command::new("kill")
+        .args([signal, &child.id().to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+}
+
+/// A training in the folder's `run` that has done some updates; `prefix` are words before the program's name.
+#[cfg(unix)]
+fn training(folder: &Path, prefix: &[&str]) -> std::process::Child {
     use std::process::{Command, Stdio};
     use std::time::{Duration, Instant};
 
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("tiny.toml"), tiny()).unwrap();
-    let child = Command::new(env!("CARGO_BIN_EXE_omniwalk"))
-        .current_dir(folder.path())
-        .args([
-            "train",
-            "tiny.toml",
-            "--run",
-            "run",
-            "--steps",
-            "1000000000",
-            "--engine",
-            "lanes",
-        ])
+    fs::write(folder.join("tiny.toml"), tiny()).unwrap();
+    let train = ["train", "tiny.toml", "--run", "run", "--steps", "1000000000"];
+    let mut words = prefix.iter().copied().chain([env!("CARGO_BIN_EXE_omniwalk")]);
+    let child = Command::new(words.next().unwrap())
+        .current_dir(folder)
+        .args(words)
+        .args(train)
+        .args(["--engine", "lanes"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let rows = || fs::read_to_string(folder.path().join("run/metrics.csv")).map_or(0, |text| text.lines().count());
+    let rows = || fs::read_to_string(folder.join("run/metrics.csv")).map_or(0, |text| text.lines().count());
     let started = Instant::now();
     while rows() < 3 && started.elapsed() < Duration::from_secs(120) {
         std::thread::sleep(Duration::from_millis(5));
     }
-    let sent = Command::new("kill")
-        .args([signal, &child.id().to_string()])
-        .status()
-        .unwrap();
-    assert!(sent.success());
+    child
+}
+
+#[cfg(unix)]
+fn interrupted_by(signal: &str, prefix: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let child = training(folder.path(), prefix);
+    kill(signal, &child);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0));
     let (out, err) = (

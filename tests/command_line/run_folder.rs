@@ -195,11 +195,44 @@ fn a_run_that_comes_apart_says_so_at_once() {
     assert!(json.contains("\"warning\":\"diverging"), "{json}");
     let objects = json.lines().map(serde_json::from_str::<serde_json::Value>);
     let objects: Vec<_> = objects.map(|object| object.expect("an object a line")).collect();
-    assert_eq!(objects.last().expect("lines")["finished"], 480, "{json}");
+    let end = objects.last().expect("lines");
+    assert_eq!(end["finished"], 480, "{json}");
+    for figure in ["episode_s", "fallen", "error_xy_mps", "error_yaw_radps", "alternation"] {
+        assert!(end.get(figure).is_some(), "{figure} is not in {end}");
+    }
+    assert_eq!(end["next"][1], "omniwalk eval run");
     assert!(
         !succeeds(folder.path(), &[&START[..2], &["--run", "sound"]].concat())
             .out
             .contains("WARNING")
+    );
+}
+
+#[test]
+fn rows_of_metrics_that_are_damaged_are_left_out_with_a_warning() {
+    let folder = folder();
+    succeeds(folder.path(), &[&START[..], &["--steps", "240"]].concat());
+    let path = folder.path().join("run/metrics.csv");
+    let text = fs::read_to_string(&path).unwrap();
+    let row = text.lines().last().unwrap();
+    fs::write(&path, text.replace(row, &format!("{row},,"))).unwrap();
+    let resumed = succeeds(folder.path(), &RESUME);
+    let line = text.lines().count();
+    let says = format!("run/metrics.csv:{line}: damaged; 1 such row left out");
+    assert!(resumed.message().contains(&says), "{}", resumed.err);
+    let refused = |header: &str, says: &str| {
+        fs::write(&path, format!("{header}\n")).unwrap();
+        let output = omniwalk(folder.path(), &[&RESUME[..4], &["--steps", "720"]].concat());
+        assert_eq!(output.code, 2);
+        assert!(output.message().contains(says), "{}", output.err);
+    };
+    refused(
+        "\u{1}\u{2}\u{3}",
+        "metrics.csv:1: this run writes no column \"\\u{1}\\u{2}\\u{3}\"",
+    );
+    refused(
+        "step,update,update",
+        "metrics.csv:1: this run writes no column \"update\"",
     );
 }
 
