@@ -103,6 +103,7 @@ const EPISODES: usize = 10;
 pub fn run(args: &Args) -> miette::Result<()> {
     let mut loaded = Loaded::open(args)?;
     args.json.as_deref().map_or(Ok(()), can_write)?;
+    loaded.can_save()?;
     let suites: Vec<Suite> = ALL
         .into_iter()
         .filter(|suite| args.suite.iter().any(|name| name == suite.name() || name == "all"))
@@ -319,6 +320,17 @@ impl Loaded {
                 "{what} must be within the bounds the policy was trained for, {lower:?} to {upper:?}, and {command:?} is not"
             )),
         }
+    }
+
+    /// Whether the results can be written, before hours are spent on them.
+    fn can_save(&self) -> miette::Result<()> {
+        let (folder, file) = (&self.folder, self.folder.join("eval.json"));
+        can_write(if folder.is_dir() { &file } else { folder }).map_err(|error| {
+            error.wrap_err(format!(
+                "the results would go to {}; copy the run or the policy to where you may write",
+                folder.display()
+            ))
+        })
     }
 
     fn save(&self, args: &Args, result: &Value) -> miette::Result<()> {

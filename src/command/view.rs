@@ -48,7 +48,7 @@ pub struct Args {
     #[arg(long, value_parser = ["rapier", "lanes"], default_value = "rapier")]
     engine: String,
     /// Where to listen; addresses other than this machine's own let others look and, with the token, drive.
-    #[arg(long, value_name = "ADDRESS:PORT", default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, 8040)))]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = address, default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, 8040)))]
     listen: SocketAddr,
     /// Port for Foxglove, at the same address [default: 8765, or any if that is taken].
     #[arg(long, value_name = "PORT")]
@@ -305,9 +305,17 @@ fn robot(args: &Args, own: Option<&Path>) -> miette::Result<Arc<Robot>> {
         Some(robot) => load::robot(robot),
         None => {
             let (settings, _): (Settings, String) = crate::config::Layers::new(DEFAULT)?.build()?;
-            load::robot(&settings.robot.path)
+            load::robot(&settings.robot.path).wrap_err_with(|| {
+                let path = args.path.display();
+                format!("{path} does not say which robot it is of: give `--robot DIR`, a robot's folder")
+            })
         }
     }
+}
+
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let example = |_| "give an address of this machine and a port, such as 127.0.0.1:8040".to_owned();
+    text.parse().map_err(example)
 }
 
 /// Whether the file at `path` is an MCAP file.

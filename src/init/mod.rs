@@ -43,6 +43,8 @@ pub struct Draft {
 /// What is known of the robot so far.
 struct Findings {
     sides: Option<Sides>,
+    /// Joints that move no mass.
+    locked: Vec<String>,
     legs: Vec<Leg>,
     servos: Vec<Servo>,
     nominal: Vec<(String, f64)>,
@@ -54,12 +56,20 @@ struct Findings {
 /// # Errors
 /// When the URDF makes no robot, or an engine does not take it.
 pub fn draft(urdf: &Path, folder: &Path, config: &EnvConfig) -> miette::Result<Draft> {
-    let bare = robot::load_with(urdf, "")?;
+    let locked = robot::massless_joints(urdf)?;
+    let bare = robot::load_with(urdf, &write::locked(&locked))?;
     let sides = Sides::find(bare.joints.iter().map(|joint| joint.name.as_str()));
     let (legs, mut notes) = legs::find(&bare, sides);
     notes.insert(0, sides::note(sides));
+    if !locked.is_empty() {
+        let names = locked.join(", ");
+        notes.push(format!(
+            "locked, as they move no mass: {names}; if they move, give their links an <inertial>"
+        ));
+    }
     let mut found = Findings {
         sides,
+        locked,
         servos: actuators::guess(&bare, &legs),
         legs,
         nominal: Vec::new(),

@@ -19,6 +19,7 @@ pub(super) fn settings(bare: &Robot, found: &Findings) -> String {
     } else {
         "base = \"floating\"\n"
     };
+    text += &locked(&found.locked);
     text += &policy(found);
     text += &overlap(bare, found);
     let mut left = found.servos.iter().collect::<Vec<_>>();
@@ -48,6 +49,15 @@ pub(super) fn settings(bare: &Robot, found: &Findings) -> String {
         );
     }
     text
+}
+
+/// The line that holds joints rigidly, if there are any.
+pub(super) fn locked(joints: &[String]) -> String {
+    if joints.is_empty() {
+        return String::new();
+    }
+    let names: Vec<String> = joints.iter().map(|joint| quoted(joint)).collect();
+    format!("locked = [{}] # guess: they move no mass\n", names.join(", "))
 }
 
 /// The policy moves the legs; the other joints hold the pose.

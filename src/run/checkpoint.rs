@@ -36,6 +36,19 @@ pub enum CheckpointError {
         /// What the system says.
         why: std::io::Error,
     },
+    /// None of a run's checkpoints can be read.
+    #[error("none of the {files} checkpoints in {} is whole; of the newest: {newest}", .folder.display())]
+    #[diagnostic(help(
+        "what the run had learned is lost but for a policy that was exported; train anew in another folder by `--run DIR`"
+    ))]
+    NoneWhole {
+        /// The folder of the checkpoints.
+        folder: PathBuf,
+        /// How many there are.
+        files: usize,
+        /// Why the newest cannot be read.
+        newest: Box<CheckpointError>,
+    },
     /// The file is not a checkpoint, or is damaged.
     #[error("{} is not a whole checkpoint: {why}", .path.display())]
     Damaged {

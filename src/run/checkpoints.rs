@@ -73,7 +73,7 @@ impl Checkpoints {
     /// The newest checkpoint that can be read, or `None` when there is no file at all.
     ///
     /// # Errors
-    /// When there are files but every one is damaged: the error of the newest.
+    /// [`CheckpointError::NoneWhole`] when there are files but every one is damaged.
     pub fn latest(&self) -> Result<Option<Latest>, CheckpointError> {
         let mut skipped = Vec::new();
         for (_, path) in self.list().into_iter().rev() {
@@ -88,7 +88,12 @@ impl Checkpoints {
                 Err(error) => skipped.push(error),
             }
         }
-        skipped.into_iter().next().map_or(Ok(None), Err)
+        let files = skipped.len();
+        let newest = skipped.into_iter().next().map(Box::new);
+        newest.map_or(Ok(None), |newest| {
+            let folder = self.folder.clone();
+            Err(CheckpointError::NoneWhole { folder, files, newest })
+        })
     }
 }
 

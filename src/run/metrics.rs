@@ -17,6 +17,7 @@ const MAX_ROW_BYTES: u64 = 1 << 16;
 pub enum MetricsError {
     /// The file system said no.
     #[error("cannot use {}: {why}", .path.display())]
+    #[diagnostic(help("{}", super::remedy(.why)))]
     Io {
         /// The file.
         path: PathBuf,

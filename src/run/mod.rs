@@ -73,12 +73,27 @@ pub enum RunError {
     },
     /// The file system said no.
     #[error("cannot use {}: {why}", .path.display())]
+    #[diagnostic(help("{}", remedy(.why)))]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// What the system says.
         why: io::Error,
     },
+}
+
+/// What a user can do about a file of a run that the file system refuses.
+pub(crate) fn remedy(why: &io::Error) -> &'static str {
+    match why.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+            "make room on its disk and type the same again; what was there before is as it was"
+        }
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "training writes there: make it writable, or choose another folder by `--run DIR`"
+        }
+        io::ErrorKind::InvalidData => "it is damaged: move it away and type the same again",
+        _ => "what was there before is as it was",
+    }
 }
 
 /// A run folder.
@@ -286,10 +301,12 @@ fn lock(path: &Path) -> Result<File, RunError> {
     })?;
     match handle.try_lock() {
         Ok(()) => {
-            handle
-                .set_len(0)
-                .and_then(|()| handle.write_all(LOCK_CONTENT))
-                .map_err(io)?;
+            let written = handle.set_len(0).and_then(|()| handle.write_all(LOCK_CONTENT));
+            written.map_err(|why| {
+                // What an empty one would say about the folder is not known.
+                let _ = fs::remove_file(&file);
+                io(why)
+            })?;
             Ok(handle)
         }
         Err(TryLockError::WouldBlock) => Err(RunError::Busy(path.to_owned())),

@@ -126,3 +126,19 @@ fn the_same_urdf_gives_the_same_folder() {
     }
     assert!(drafts[0] == drafts[1]);
 }
+
+#[test]
+fn joints_that_move_no_mass_are_locked_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    urdf_of("nimbro_op2x", folder.path());
+    let path = folder.path().join("nimbro_op2x.urdf");
+    let frame = "<link name=\"rod\"/>
+        <joint name=\"rod_pitch\" type=\"continuous\"><parent link=\"trunk_link\"/><child link=\"rod\"/><axis xyz=\"0 1 0\"/></joint>
+        </robot>";
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replace("</robot>", frame)).unwrap();
+    let drafted = stands(folder.path(), "nimbro_op2x.urdf");
+    assert!(drafted.contains("locked, as they move no mass: rod_pitch"), "{drafted}");
+    let settings = fs::read_to_string(folder.path().join("drafted/robot.toml")).unwrap();
+    assert!(settings.contains("locked = [\"rod_pitch\"] # guess"), "{settings}");
+}

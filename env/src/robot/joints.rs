@@ -208,11 +208,11 @@ fn actuator(
         };
         let Some(asked) = asked else {
             notes.push(format!(
-                "`{name}` is passive: neither the URDF nor the TOML gives a torque and a speed limit"
+                "`{name}` is passive: neither the URDF nor the TOML gives a torque and a speed limit above 0"
             ));
             return Ok(None);
         };
-        let message = format!("the actuator of `{name}` has no {missing}, and the URDF gives none");
+        let message = format!("the actuator of `{name}` has no {missing}, and the URDF gives none above 0");
         return Err(source.error(
             asked.span(),
             message,

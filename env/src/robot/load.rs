@@ -95,9 +95,25 @@ pub fn files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), RobotError> {
     Ok((urdf.clone(), toml))
 }
 
-fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, RobotError> {
+/// Names of the joints of the URDF `urdf`, taken by itself, that move neither mass nor inertia. [`load`] takes no such robot, unless
+/// they are `locked`.
+///
+/// # Errors
+/// As [`load`], for anything else.
+pub fn massless_joints(urdf: &Path) -> Result<Vec<String>, RobotError> {
+    let source = Source {
+        file: "robot.toml".into(),
+        text: String::new(),
+    };
+    let (robot, _) = assemble(&Urdf::new(Source::read(urdf)?)?, &Settings::new(&source)?, &source)?;
+    let names = massless(&robot).into_iter().map(|dof| robot.dof(dof).name.clone());
+    Ok(names.collect())
+}
+
+/// Links and joints as they are in the files, whether or not they make a robot that moves.
+fn assemble(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<(Robot, Tree), RobotError> {
     let held = joints::held(urdf, settings, source)?;
-    let (root, given_base, base_pose) = base(urdf);
+    let (root, _, base_pose) = base(urdf);
     let mut tree = Tree::new(urdf, root, &held)?;
     tree.note_shapeless(urdf);
     let mut notes = std::mem::take(&mut tree.notes);
@@ -119,7 +135,7 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         );
     }
     let mirror = None;
-    let mut robot = Robot {
+    let robot = Robot {
         name,
         base,
         base_pose,
@@ -134,7 +150,13 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         effects: Vec::new(),
         notes,
     };
+    Ok((robot, tree))
+}
+
+fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, RobotError> {
+    let (mut robot, tree) = assemble(urdf, settings, source)?;
     check_masses(&robot, urdf, &tree)?;
+    let (root, given_base, _) = base(urdf);
     if settings.foot.is_empty() && given_base != Some(Base::Fixed) {
         robot.feet = feet::guess(&robot);
         let names: Vec<&str> = robot.feet.iter().map(|foot| foot.name.as_str()).collect();

@@ -21,7 +21,7 @@ mod urdf_text;
 
 pub use describe::describe;
 pub use kinematics::Kinematics;
-pub use load::{files, load, load_with};
+pub use load::{files, load, load_with, massless_joints};
 pub(crate) use settings::matches;
 pub use source::{ContentError, RobotError, Source};
 
