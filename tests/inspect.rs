@@ -124,6 +124,17 @@ fn every_file_of_a_run_is_described() {
     assert_describes(&run.config(), &["1 values differ", "train.seed = 7"]);
 }
 
+#[test]
+fn a_configuration_that_was_emptied_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = sample(&folder.path().join("run"));
+    fs::write(run.config(), "# nothing\n").unwrap();
+    assert_describes(
+        run.path(),
+        &["config.toml is empty: it is no run's configuration", "checkpoints: 3"],
+    );
+}
+
 /// A policy of one joint whose network is zero.
 fn policy() -> Policy {
     let joint = JointSpec {

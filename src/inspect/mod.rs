@@ -170,20 +170,10 @@ fn beside_a_urdf(path: &Path) -> std::io::Result<Option<PathBuf>> {
 
 /// The content of a file, which may have `limit` bytes at most.
 fn read(path: &Path, limit: u64) -> Result<Vec<u8>, InspectError> {
-    let mut bytes = Vec::new();
-    files::open(path)
-        .and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
-        .map_err(|why| InspectError::Io {
-            path: path.to_owned(),
-            why,
-        })?;
-    if bytes.len() as u64 > limit {
-        return Err(InspectError::Damaged {
-            path: path.to_owned(),
-            why: format!("it is larger than {limit} bytes"),
-        });
-    }
-    Ok(bytes)
+    files::read(path, limit).map_err(|why| InspectError::Io {
+        path: path.to_owned(),
+        why,
+    })
 }
 
 fn report(path: &Path) -> Result<String, InspectError> {

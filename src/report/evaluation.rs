@@ -1,13 +1,20 @@
 //! Pictures of an evaluation, drawn from what `eval.json` says: by `omniwalk eval` when it has played, by `omniwalk report` at
 //! any time after, of files whose pictures were not kept too.
 
-use miette::Diagnostic;
+use std::path::Path;
+
+use miette::{Context, Diagnostic, IntoDiagnostic, Report};
 use serde::Deserialize;
 use serde_json::Value;
 use thiserror::Error;
 
 use super::canvas::Canvas;
 use super::{ReportError, commands, polar};
+use crate::eval::suites::{self, Suite};
+use crate::files;
+
+/// Largest file that is read, bytes.
+pub const MAX_BYTES: u64 = 16 << 20;
 
 /// Most commands of a suite.
 const MOST: usize = 10_000;
@@ -23,6 +30,8 @@ pub type Picture = (&'static str, Canvas);
 /// What pictures show of an `eval.json`; suites that were not played are none.
 #[derive(Debug, Default, Deserialize)]
 pub struct Evaluation {
+    /// Control steps of the policy's training, if the file says.
+    pub steps: Option<u64>,
     forward: Option<Rows<Held>>,
     falls: Option<Rows<Held>>,
     tracking: Option<Tracking>,
@@ -109,13 +118,34 @@ pub struct Pushed {
 pub struct NotAnEvaluation(String);
 
 impl Evaluation {
+    /// What the file at `path` says: all of it, and what is drawn of that.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no JSON or not an evaluation.
+    pub fn load(path: &Path) -> Result<(Value, Self), Report> {
+        let bytes = files::read(path, MAX_BYTES).into_diagnostic();
+        let bytes = bytes.wrap_err_with(|| format!("cannot read {}", path.display()))?;
+        let value = serde_json::from_slice(&bytes).map_err(|error| NotAnEvaluation(format!("no JSON: {error}")));
+        let read = value.and_then(|value| Ok((Self::read(&value)?, value)));
+        let (evaluation, value) = read.wrap_err_with(|| format!("cannot draw {}", path.display()))?;
+        Ok((value, evaluation))
+    }
+
     /// What `value` says.
     ///
     /// # Errors
-    /// [`NotAnEvaluation`] when rows, or the grid, are not what `omniwalk eval` writes.
+    /// [`NotAnEvaluation`] when there is no suite, or rows, or the grid, are not what `omniwalk eval` writes.
     pub fn read(value: &Value) -> Result<Self, NotAnEvaluation> {
         let read =
             serde_path_to_error::deserialize::<_, Self>(value).map_err(|error| NotAnEvaluation(error.to_string()))?;
+        let suites = || ["forward"].into_iter().chain(suites::ALL.map(Suite::name));
+        if !suites().any(|name| value.get(name).is_some_and(Value::is_object)) {
+            let names: Vec<&str> = suites().collect();
+            return Err(NotAnEvaluation(format!(
+                "it has no suite, none of {}",
+                names.join(", ")
+            )));
+        }
         read.check().map_or(Ok(read), |what| Err(NotAnEvaluation(what)))
     }
 

@@ -216,6 +216,15 @@ impl RunFolder {
         self.path.join("config.toml")
     }
 
+    /// Says that nothing is in the configuration, of which training writes every value.
+    pub fn emptied(&self) -> Option<String> {
+        let path = self.config();
+        let text = fs::read_to_string(&path).ok()?;
+        let table: toml::Table = toml::from_str(&text).ok()?;
+        let empty = format!("{} is empty: it is no run's configuration", path.display());
+        table.is_empty().then_some(empty)
+    }
+
     /// The metrics.
     pub fn metrics(&self) -> PathBuf {
         self.path.join("metrics.csv")
