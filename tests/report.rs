@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
+use omniwalk::report::motion::Motion;
 use omniwalk::run::RunFolder;
 use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::metrics::MetricsWriter;
@@ -38,6 +39,11 @@ fn learning(folder: &Path, seed: u64) {
 
 /// Adds a robot and a rollout in which it walks at 0.4 m/s with a cycle of 0.8 s.
 fn walking(folder: &Path) {
+    rollout(folder, true);
+}
+
+/// [`walking`], or a rollout in which its legs do not move.
+fn rollout(folder: &Path, legs_move: bool) {
     let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/nimbro_op2x");
     fs::create_dir_all(folder.join("robot")).unwrap();
     for name in ["nimbro_op2x.urdf", "robot.toml"] {
@@ -48,7 +54,7 @@ fn walking(folder: &Path) {
     let mut log = LogWriter::create(&folder.join("rollouts/walk.mcap")).unwrap();
     for step in 0..120u64 {
         let time = step as f64 * 0.025;
-        let lift = |phase: f64| (std::f64::consts::TAU * (time / 0.8 + phase)).sin().max(0.0);
+        let lift = |phase: f64| f64::from(legs_move) * (std::f64::consts::TAU * (time / 0.8 + phase)).sin().max(0.0);
         let mut joints = JointState::default();
         for (side, phase) in [("left", 0.0), ("right", 0.5)] {
             joints
@@ -132,6 +138,26 @@ fn a_run_with_a_rollout_gives_the_same_pictures_every_time() {
         assert!(html.contains(part), "{part}");
     }
     assert_eq!(html.matches("data:image/png;base64,iVBOR").count(), 4);
+}
+
+#[test]
+fn a_robot_that_stands_is_not_said_to_walk() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/nimbro_op2x");
+    let robot = omniwalk_env::robot::load(&robot).unwrap();
+    let cycle = |legs_move: bool| {
+        let run = folder.path().join(legs_move.to_string());
+        learning(&run, 7);
+        rollout(&run, legs_move);
+        Motion::read(&run.join("rollouts/walk.mcap"), &robot)
+            .unwrap()
+            .cycle(&robot)
+    };
+    let (from, to) = cycle(true).unwrap();
+    assert!((to - from - 0.8).abs() < 0.03, "{from} to {to}");
+    assert_eq!(cycle(false), None);
+    let (code, _, err) = report(&[&folder.path().join("false")]);
+    assert_eq!((code, err.as_str()), (0, ""));
 }
 
 #[test]

@@ -24,6 +24,9 @@ const MOST_ALONG: usize = 25;
 /// Largest velocity, m/s or rad/s, and force, N, that a picture has room for.
 const LARGEST: f64 = 1e6;
 
+/// Most sequences of a command.
+const MOST_EPISODES: f64 = 1e9;
+
 /// A picture and the name of its file.
 pub type Picture = (&'static str, Canvas);
 
@@ -32,6 +35,7 @@ pub type Picture = (&'static str, Canvas);
 pub struct Evaluation {
     /// Control steps of the policy's training, if the file says.
     pub steps: Option<u64>,
+    conditions: Option<String>,
     forward: Option<Rows<Held>>,
     falls: Option<Rows<Held>>,
     tracking: Option<Tracking>,
@@ -66,6 +70,17 @@ pub struct Held {
     pub error_yaw_radps: Option<f64>,
     /// Its 95 % interval.
     pub error_yaw_ci95: Option<[Option<f64>; 2]>,
+}
+
+impl Held {
+    /// Whether its figures can be ones that were counted and measured.
+    fn is_plausible(&self) -> bool {
+        let intervals = [self.error_xy_ci95, self.error_yaw_ci95];
+        let bounds = intervals.into_iter().flatten().flatten().flatten();
+        let errors = [self.error_xy_mps, self.error_yaw_radps].into_iter().flatten();
+        let counted = 0.0 <= self.falls && self.falls <= self.episodes && self.episodes <= MOST_EPISODES;
+        counted && errors.chain(bounds).all(|error| error.abs() <= LARGEST)
+    }
 }
 
 /// The suite `tracking`'s grid.
@@ -156,8 +171,14 @@ impl Evaluation {
             .into_iter()
             .flatten()
             .map(|rows| &rows.rows);
-        let mut rows = rows.chain(self.tracking.iter().map(|tracking| &tracking.rows));
-        if rows.any(|rows| rows.len() > MOST || !rows.iter().flat_map(|row| &row.command).all(drawn)) {
+        let rows = rows.chain(self.tracking.iter().map(|tracking| &tracking.rows));
+        if rows.clone().flatten().any(|row| !row.is_plausible()) {
+            return Some("falls, episodes or errors that are none".into());
+        }
+        if rows
+            .clone()
+            .any(|rows| rows.len() > MOST || !rows.iter().flat_map(|row| &row.command).all(drawn))
+        {
             return Some("commands that no robot walks".into());
         }
         let pushes = self.push.iter().flat_map(|push| &push.rows);
@@ -200,7 +221,7 @@ impl Evaluation {
             pictures.push(("eval_grid.png", commands::grid(&tracking.grid)?));
         }
         if let Some(push) = self.push.as_ref().filter(|push| !push.rows.is_empty()) {
-            pictures.push(("eval_push.png", polar::pushes(&push.rows)?));
+            pictures.push(("eval_push.png", polar::pushes(&push.rows, self.conditions.as_deref())?));
         }
         Ok(pictures)
     }
@@ -222,7 +243,7 @@ mod tests {
 
     #[test]
     fn what_was_played_is_drawn_and_nothing_else() {
-        assert!(named(&json!({"engine": "rapier"})).is_empty());
+        assert!(named(&json!({"engine": "rapier", "changes": {}})).is_empty());
         let rows = json!({"rows": [held()]});
         assert_eq!(named(&json!({"forward": rows})), ["eval_falls.png"]);
         assert_eq!(named(&json!({"forward": rows, "falls": rows})), ["eval_falls.png"]);
@@ -253,7 +274,7 @@ mod tests {
             );
         }
         let mut odd = held();
-        (odd["falls"], odd["episodes"], odd["error_xy_mps"]) = (json!(-1e300), json!(0), json!(1e308));
+        (odd["falls"], odd["episodes"], odd["error_xy_mps"]) = (json!(0), json!(0), json!(1e6));
         assert_eq!(named(&json!({"falls": {"rows": vec![odd.clone(); MOST]}, "tracking": {"rows": [odd], "grid": {"v_x": [1e6], "v_y": [-1e6], "omega_z": [0], "episodes": 1,
             "cells": {"error_xy_mps": [[[null]]], "error_yaw_radps": [[[null]]], "falls": [[[null]]]}}}})).len(), 3);
     }
@@ -268,8 +289,29 @@ mod tests {
         assert_eq!(named(&grid(json!([0.1]), &cell)), ["eval_error.png", "eval_grid.png"]);
         let mut far = held();
         far["command"] = json!([1e300, 0.0, 0.0]);
+        let with = |key: &str, value: Value| {
+            let mut row = held();
+            row[key] = value;
+            json!({"falls": {"rows": [row]}})
+        };
         for (value, part) in [
             (json!([]), "struct Evaluation"),
+            (json!({}), "it has no suite, none of forward, falls"),
+            (json!({"falls": null}), "it has no suite"),
+            (with("falls", json!(-1e300)), "falls, episodes or errors that are none"),
+            (with("falls", json!(21)), "falls, episodes or errors that are none"),
+            (
+                with("episodes", json!(1e300)),
+                "falls, episodes or errors that are none",
+            ),
+            (
+                with("error_xy_mps", json!(1e308)),
+                "falls, episodes or errors that are none",
+            ),
+            (
+                with("error_xy_ci95", json!([0.1, 1e308])),
+                "falls, episodes or errors that are none",
+            ),
             (json!({"falls": {"rows": 3}}), "falls.rows: "),
             (
                 json!({"falls": {"rows": [held(), {}]}}),
