@@ -1,4 +1,4 @@
-//! `filmstrip.png`: the robot in even moments of a gait cycle, or of a second where it does not step, its collision shapes ray-cast in parallel projection.
+//! `filmstrip.png`: the robot in even moments of a gait cycle, or of a second where there is none, its collision shapes ray-cast in parallel projection.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use omniwalk_env::robot::{Geometry, Kinematics, Robot};
@@ -27,7 +27,7 @@ const BONE: f64 = 0.022;
 const BONE_COLOUR: RGBColor = RGBColor(92, 99, 110);
 const TRUNK_COLOUR: RGBColor = RGBColor(190, 196, 204);
 
-/// Draws a gait cycle of `motion`, an episode of `robot`, or a second where it does not step.
+/// Draws a gait cycle of `motion`, an episode of `robot`, or a second where there is none.
 ///
 /// # Errors
 /// [`ReportError::Draw`].
@@ -54,8 +54,11 @@ pub fn draw(motion: &Motion, robot: &Robot) -> Result<Canvas, ReportError> {
         }
     });
     canvas.draw(|area| {
-        let what = if cycle.is_some() { "A gait cycle" } else { "No steps" };
-        let title = format!("{what} of {}, {:.2} s", robot.name, to - from);
+        let (name, seconds) = (&robot.name, to - from);
+        let title = match cycle {
+            Some(_) => format!("A gait cycle of {name}, {seconds:.2} s"),
+            None => format!("No gait cycle: {seconds:.2} s of {name}"),
+        };
         write(area, &title, &text(24, INK), (px(12), px(8)))?;
         let [x, y, turn] = moment(0).command;
         let below = format!(

@@ -139,7 +139,7 @@ impl Motion {
         stances
     }
 
-    /// Begin and end of a gait cycle of the first foot from the middle of the episode on; none where the robot does not step.
+    /// Begin and end of a gait cycle of the first foot from the middle of the episode on; none where the robot takes no such steps.
     pub fn cycle(&self, robot: &Robot) -> Option<(f64, f64)> {
         let middle = self.seconds() / 2.0;
         let stances = if robot.feet.is_empty() {
