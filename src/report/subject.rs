@@ -16,14 +16,12 @@ use crate::command::load;
 use crate::complaint::plain;
 use crate::deployed::Deployed;
 use crate::files;
-use crate::run::RunFolder;
 use crate::run::sessions::{Session, Sessions};
+use crate::run::{MAX_CONFIG_BYTES, RunFolder};
 use crate::terminal::{quoted, tell};
 
 /// Name of an evaluation's file.
 const EVALUATION: &str = "eval.json";
-/// Largest configuration that is read, bytes.
-const MAX_CONFIG_BYTES: u64 = 1 << 20;
 
 /// What a report is about.
 pub struct Subject {

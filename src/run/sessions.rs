@@ -15,6 +15,8 @@ use crate::terminal::quoted;
 
 /// Largest record that is read, bytes: thousands of sessions.
 const MAX_BYTES: u64 = 4 << 20;
+/// Longest reason that is given, characters.
+const LONGEST_WHY: usize = 200;
 /// Longest session that is believed, s: a century.
 const LONGEST: f64 = 3.2e9;
 
@@ -132,7 +134,9 @@ impl Record {
     /// What a file says, or what is wrong with it.
     fn parse(bytes: &[u8]) -> Result<Self, String> {
         let text = std::str::from_utf8(bytes).map_err(|_| "it is not text".to_owned())?;
-        let record: Self = toml::from_str(text).map_err(|error| error.message().to_owned())?;
+        // A message may repeat a value of any length.
+        let short = |message: &str| message.chars().take(LONGEST_WHY).collect::<String>();
+        let record: Self = toml::from_str(text).map_err(|error| short(error.message()))?;
         for (i, session) in (1..).zip(&record.session) {
             if !(0.0..=LONGEST).contains(&session.seconds) {
                 return Err(format!(
@@ -296,6 +300,16 @@ fn date(days: u64) -> (u64, u64, u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_wrong_is_said_in_few_words() {
+        let long = format!("[[session]]\nseed = \"{}\"\n", "9".repeat(100_000));
+        for text in [long.as_str(), "session = 1e308", "[[session]]\nseconds = 1"] {
+            let why = Record::parse(text.as_bytes()).unwrap_err();
+            assert!(!why.is_empty() && why.len() <= LONGEST_WHY, "{why}");
+        }
+        assert!(Record::parse(b"").unwrap().session.is_empty());
+    }
 
     #[test]
     fn dates_are_those_of_the_calendar() {
