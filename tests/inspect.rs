@@ -130,6 +130,10 @@ fn a_configuration_that_was_emptied_is_named() {
     let run = sample(&folder.path().join("run"));
     fs::write(run.config(), "# nothing\n").unwrap();
     assert_describes(
+        &run.config(),
+        &["configuration: empty, all defaults; a run's has every value"],
+    );
+    assert_describes(
         run.path(),
         &["config.toml is empty: it is no run's configuration", "checkpoints: 3"],
     );

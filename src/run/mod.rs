@@ -56,7 +56,7 @@ pub enum RunError {
     #[error("{} holds no run: there is no config.toml in it", .0.display())]
     #[diagnostic(help(
         "a run folder is what `omniwalk train` writes, such as runs/forward-1; one whose start was cut off can be started again; \
-         eval, export and rehearse take a policy file too, such as a policy.omni in the folder"
+         eval, report, export and rehearse take a policy file too, such as a policy.omni in the folder"
     ))]
     NoRun(PathBuf),
     /// Another process trains in the folder.
