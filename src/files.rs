@@ -1,7 +1,7 @@
-//! Files that a user names: what is read is a regular file, and what will be written can be.
+//! Files that a user names: what is read is a regular file of a bounded size, and what will be written can be.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Read};
 use std::path::Path;
 
 use miette::{IntoDiagnostic, WrapErr};
@@ -19,6 +19,20 @@ pub fn open(path: &Path) -> io::Result<File> {
         return Err(irregular());
     }
     File::open(path)
+}
+
+/// The content of the regular file at `path`, which may have `limit` bytes at most.
+///
+/// # Errors
+/// Those of [`open`], and [`io::ErrorKind::FileTooLarge`].
+pub fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit {
+        let why = format!("it is larger than {limit} bytes");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));
+    }
+    Ok(bytes)
 }
 
 /// Whether a file can be written at `path`, found out before anything is done that takes its time or writes other files.
@@ -65,6 +79,15 @@ mod tests {
             assert!(message.contains("cannot write"), "{message}");
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_file_beyond_its_bound_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(&path, "1234").unwrap();
+        assert_eq!(read(&path, 4).unwrap(), b"1234");
+        assert_eq!(read(&path, 3).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
     }
 
     #[cfg(unix)]

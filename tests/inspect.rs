@@ -124,6 +124,60 @@ fn every_file_of_a_run_is_described() {
     assert_describes(&run.config(), &["1 values differ", "train.seed = 7"]);
 }
 
+#[test]
+fn a_configuration_that_was_emptied_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = sample(&folder.path().join("run"));
+    fs::write(run.config(), "# nothing\n").unwrap();
+    assert_describes(
+        &run.config(),
+        &["configuration: empty, all defaults; a run's has every value"],
+    );
+    assert_describes(
+        run.path(),
+        &["config.toml is empty: it is no run's configuration", "checkpoints: 3"],
+    );
+}
+
+#[test]
+fn absurd_numbers_are_refused_or_written_short() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("eval.json");
+    let evaluation = |more: &str| {
+        let text = format!(r#"{{"policy": "a", "robot": "b", "engine": "rapier", "conditions": "nominal", {more}}}"#);
+        fs::write(&path, text).unwrap();
+    };
+    evaluation(r#""steps": 7, "changes": {"survived": 3, "total": 4}"#);
+    assert_describes(&path, &["after 7 steps", "changes: 3 of 4 survive"]);
+    let row =
+        |falls: &str| format!(r#""falls": {{"rows": [{{"command": [0, 0, 0], "falls": {falls}, "episodes": 10}}]}}"#);
+    for (more, part) in [
+        (r#""steps": 7"#.to_owned(), "it has no suite"),
+        (r#""steps": 1e308, "changes": {}"#.to_owned(), "steps"),
+        (
+            r#""steps": 18446744073709551615, "changes": {}"#.to_owned(),
+            "`steps` is no number from 0 to",
+        ),
+        (
+            r#""changes": {"survived": 1e308, "total": 4}"#.to_owned(),
+            "`survived` is no number from 0 to 1000000000",
+        ),
+        (row("1e308"), "falls, episodes or errors that are none"),
+        (row("11"), "falls, episodes or errors that are none"),
+        (
+            format!(r#""policy": "{}", "changes": {{}}"#, "9".repeat(300)),
+            "has more than 200 characters",
+        ),
+    ] {
+        evaluation(&more);
+        assert_refuses(&path, part);
+        assert!(!inspect(&path).2.contains(&"0".repeat(20)), "{more}");
+    }
+    let metrics = folder.path().join("metrics.csv");
+    fs::write(&metrics, "step,a,b\n1,1e308,0.5\n").unwrap();
+    assert_describes(&metrics, &["a  1.000000e308", "b  0.500000"]);
+}
+
 /// A policy of one joint whose network is zero.
 fn policy() -> Policy {
     let joint = JointSpec {
@@ -249,6 +303,7 @@ fn unknown_and_damaged_files_are_refused_with_exit_code_2() {
     assert_refuses(&write("events.out.tfevents.1", &[0; 20]), "a checksum is wrong");
     assert_refuses(&write("events.out.tfevents.2", b""), "no TensorBoard events");
     assert_refuses(&write("eval.json", b"{\"policy\": 3}"), "no evaluation");
+    assert_refuses(&write("eval.json", b"{}"), "no evaluation");
     assert_refuses(&write("other.html", b"<!DOCTYPE html>"), "no page of `omniwalk report`");
     assert_refuses(&write("cut.png", b"\x89PNG\r\n\x1a\n\0\0"), "cut.png: ");
 }

@@ -5,7 +5,9 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
+use omniwalk::report::motion::Motion;
 use omniwalk::run::RunFolder;
+use omniwalk::run::checkpoint::Checkpoint;
 use omniwalk::run::metrics::MetricsWriter;
 use omniwalk_sim2real::log::messages::{JointState, Odometry, Twist};
 use omniwalk_sim2real::log::{LogWriter, Message};
@@ -37,6 +39,11 @@ fn learning(folder: &Path, seed: u64) {
 
 /// Adds a robot and a rollout in which it walks at 0.4 m/s with a cycle of 0.8 s.
 fn walking(folder: &Path) {
+    rollout(folder, true);
+}
+
+/// [`walking`], or a rollout in which its legs do not move.
+fn rollout(folder: &Path, legs_move: bool) {
     let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/nimbro_op2x");
     fs::create_dir_all(folder.join("robot")).unwrap();
     for name in ["nimbro_op2x.urdf", "robot.toml"] {
@@ -47,7 +54,7 @@ fn walking(folder: &Path) {
     let mut log = LogWriter::create(&folder.join("rollouts/walk.mcap")).unwrap();
     for step in 0..120u64 {
         let time = step as f64 * 0.025;
-        let lift = |phase: f64| (std::f64::consts::TAU * (time / 0.8 + phase)).sin().max(0.0);
+        let lift = |phase: f64| f64::from(legs_move) * (std::f64::consts::TAU * (time / 0.8 + phase)).sin().max(0.0);
         let mut joints = JointState::default();
         for (side, phase) in [("left", 0.0), ("right", 0.5)] {
             joints
@@ -134,6 +141,26 @@ fn a_run_with_a_rollout_gives_the_same_pictures_every_time() {
 }
 
 #[test]
+fn a_robot_that_stands_is_not_said_to_walk() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/nimbro_op2x");
+    let robot = omniwalk_env::robot::load(&robot).unwrap();
+    let cycle = |legs_move: bool| {
+        let run = folder.path().join(legs_move.to_string());
+        learning(&run, 7);
+        rollout(&run, legs_move);
+        Motion::read(&run.join("rollouts/walk.mcap"), &robot)
+            .unwrap()
+            .cycle(&robot)
+    };
+    let (from, to) = cycle(true).unwrap();
+    assert!((to - from - 0.8).abs() < 0.03, "{from} to {to}");
+    assert_eq!(cycle(false), None);
+    let (code, _, err) = report(&[&folder.path().join("false")]);
+    assert_eq!((code, err.as_str()), (0, ""));
+}
+
+#[test]
 fn runs_without_rollouts_are_drawn_over_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b, out] = ["a", "b", "out"].map(|name| folder.path().join(name));
@@ -166,7 +193,7 @@ fn a_run_that_came_apart_is_named_above_its_pictures() {
     let (head, _) = html.split_once("<img").unwrap();
     for part in [
         "WARNING: torn (seed 1): diverging: the policy changed by a KL of 0.70",
-        "in 4 of 19 updates, first after 51200 steps",
+        "in 4 of 19 recorded updates, first after 51200 steps",
     ] {
         assert!(head.contains(part), "{part} is not in\n{head}");
     }
@@ -187,9 +214,167 @@ fn an_evaluation_alone_gives_its_pictures() {
     }
     let html = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(!html.contains("then report again"));
-    fs::write(run.join("eval.json"), r#"{"falls": {"rows": [7]}}"#).unwrap();
-    let (code, _, err) = report(&[&run, Path::new("--out"), &out]);
-    assert!(code == 2 && err.contains("eval.json") && err.contains("falls"), "{err}");
+}
+
+/// The text of standard error as one line.
+fn one_line(err: &str) -> String {
+    let err = err.replace(['│', '×', '╰', '─', '▶', '├'], " ");
+    err.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// What the reference run's evaluation says.
+fn evaluated() -> serde_json::Value {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni/seed-1/eval.json");
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn a_broken_evaluation_is_named_and_the_rest_is_drawn_unless_it_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let [run, young] = ["run", "young"].map(|name| folder.path().join(name));
+    learning(&run, 1);
+    RunFolder::create(&young, "[train]\nseed = 1\n").unwrap();
+    for (broken, part) in [
+        (r#"{"falls": {"rows": [7]}}"#, "falls.rows[0]"),
+        ("{}", "it has no suite, none of forward, falls, tracking, changes, push"),
+        ("rubbish", "no JSON"),
+    ] {
+        fs::write(run.join("eval.json"), broken).unwrap();
+        fs::write(young.join("eval.json"), broken).unwrap();
+        let (code, out, err) = report(&[&run]);
+        let err = one_line(&err);
+        assert!(code == 0 && out.contains("learning.png"), "{err}");
+        assert!(
+            err.contains("warning: cannot draw") && err.contains("eval.json") && err.contains(part),
+            "{err}"
+        );
+        let html = fs::read_to_string(run.join("report.html")).unwrap();
+        assert!(
+            html.contains("WARNING: run (seed 1): cannot draw") && html.contains(part),
+            "{html}"
+        );
+        fs::remove_file(run.join("report.html")).unwrap();
+        for path in [&run.join("eval.json"), &young] {
+            let (code, _, err) = report(&[path]);
+            let err = one_line(&err);
+            assert!(code == 2 && err.contains("cannot draw") && err.contains(part), "{err}");
+            assert!(!run.join("report.html").exists() && !young.join("report.html").exists());
+        }
+    }
+}
+
+#[test]
+fn an_evaluation_that_is_not_of_the_newest_policy_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    learning(&run, 1);
+    let mut evaluation = evaluated();
+    let mut page = |steps: u64| {
+        evaluation["steps"] = steps.into();
+        fs::write(run.join("eval.json"), evaluation.to_string()).unwrap();
+        let (code, _, err) = report(&[&run]);
+        assert_eq!((code, err.as_str()), (0, ""));
+        fs::read_to_string(run.join("report.html")).unwrap()
+    };
+    assert!(page(3200).contains("of the policy after 3200 steps, training went on to the one after 156800"));
+    assert!(!page(156_800).contains("WARNING"));
+    // Thinned metrics end before the training does.
+    assert!(!page(160_000).contains("WARNING"));
+    let run = RunFolder::open(&run).unwrap();
+    run.checkpoints().save(&Checkpoint::new(160_000), 3).unwrap();
+    assert!(!page(160_000).contains("WARNING"));
+    assert!(page(156_800).contains("after 156800 steps, the newest checkpoint is after 160000: evaluate it again"));
+}
+
+#[test]
+fn a_run_without_a_record_does_not_guess_who_trained_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    learning(&run, 1);
+    let (code, _, err) = report(&[&run]);
+    assert_eq!((code, err.as_str()), (0, ""));
+    let html = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(html.contains("How it was trained is not recorded: there is no sessions.toml in its folder"));
+    assert!(!html.contains("omniwalk train"), "{html}");
+}
+
+#[test]
+fn a_configuration_that_was_emptied_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    learning(&run, 1);
+    for (text, part) in [
+        ("", "config.toml is empty: it is no run's configuration"),
+        ("# nothing\n", "config.toml is empty: it is no run's configuration"),
+        ("[package]\nname = \"a\"\n", "config.toml is no run's configuration"),
+        ("[train", "config.toml is no run's configuration"),
+    ] {
+        fs::write(run.join("config.toml"), text).unwrap();
+        let (code, _, err) = report(&[&run]);
+        assert!(code == 0 && one_line(&err).contains(part), "{err}");
+        let html = fs::read_to_string(run.join("report.html")).unwrap();
+        assert!(html.contains("WARNING: run: ") && html.contains(part), "{html}");
+    }
+}
+
+#[test]
+fn a_policy_file_is_reported_with_the_evaluation_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni");
+    let policy = folder.path().join("walk.omni");
+    fs::copy(source.join("policy.omni"), &policy).unwrap();
+    let (code, _, err) = report(&[&policy]);
+    let err = one_line(&err);
+    assert!(
+        code == 2 && err.contains("there is no") && err.contains("walk.eval/eval.json"),
+        "{err}"
+    );
+    assert!(
+        err.contains("`omniwalk eval") && err.contains("of a run, give the run folder"),
+        "{err}"
+    );
+
+    let beside = folder.path().join("walk.eval");
+    fs::create_dir(&beside).unwrap();
+    fs::copy(source.join("seed-1/eval.json"), beside.join("eval.json")).unwrap();
+    let [page, push] = ["report.html", "eval_push.png"].map(|name| beside.join(name));
+    for path in [&policy, &beside, &beside.join("eval.json")] {
+        let (code, _, err) = report(&[path]);
+        assert_eq!((code, err.as_str()), (0, ""));
+        let html = fs::read_to_string(&page).unwrap();
+        for part in [
+            "<h2>walk.omni</h2>",
+            "seed 1",
+            "omniwalk eval",
+            "walk.omni --engine rapier",
+            "trained by omniwalk",
+        ] {
+            assert!(html.contains(part), "{part}");
+        }
+        assert!(!html.contains("Configuration") && !html.contains("WARNING"), "{html}");
+        fs::remove_file(&page).unwrap();
+        fs::remove_file(&push).unwrap();
+    }
+    fs::remove_file(&policy).unwrap();
+    let (code, _, err) = report(&[&beside]);
+    assert_eq!((code, err.as_str()), (0, ""));
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(
+        html.contains("there is neither run nor policy beside the evaluation"),
+        "{html}"
+    );
+}
+
+#[test]
+fn a_policy_file_in_a_run_is_led_to_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    learning(&run, 1);
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni");
+    fs::copy(source.join("policy.omni"), run.join("policy.omni")).unwrap();
+    let (code, _, err) = report(&[&run.join("policy.omni")]);
+    let err = one_line(&err);
+    assert!(code == 2 && err.contains("it lies in a run: omniwalk report"), "{err}");
 }
 
 #[test]

@@ -300,7 +300,7 @@ impl Loaded {
         draw(&self.folder, results.pictures()?)?;
         draw(
             &self.folder,
-            Evaluation::read(&json!({ suite.name(): json }))?.pictures()?,
+            Evaluation::read(&json!({ "conditions": conditions(args.nominal), suite.name(): json }))?.pictures()?,
         )?;
         if !args.nominal {
             json["nominal"] = play(true, None)?.json();

@@ -196,7 +196,10 @@ impl Session {
             }
             return Ok(None);
         }
-        let mut sessions = Sessions::open(&run.sessions())?;
+        let (mut sessions, damage) = Sessions::resume(&run.sessions())?;
+        if let Some(damage) = damage {
+            tell(format_args!("warning: {damage}"));
+        }
         if step > 0 && !run.metrics().exists() {
             tell(format_args!(
                 "warning: {} is gone: it begins anew, the curves before step {step} are lost",

@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use crate::config::{ConfigError, Layers};
+use crate::files;
+use crate::run::MAX_CONFIG_BYTES;
 use crate::settings::Settings;
 
 pub(super) fn describe(path: &Path, defaults: &Layers) -> Result<String, ConfigError> {
@@ -10,6 +12,7 @@ pub(super) fn describe(path: &Path, defaults: &Layers) -> Result<String, ConfigE
     layers.build::<Settings>()?;
     let changes = layers.changes();
     let mut text = match changes.len() {
+        0 if is_empty(path) => "configuration: empty, all defaults; a run's has every value\n".to_owned(),
         0 => "configuration: all defaults\n".to_owned(),
         n => format!("configuration: {n} values differ from the defaults\n"),
     };
@@ -21,4 +24,9 @@ pub(super) fn describe(path: &Path, defaults: &Layers) -> Result<String, ConfigE
         text += &format!("  {} = {}{default}\n", change.key, change.value);
     }
     Ok(text)
+}
+
+fn is_empty(path: &Path) -> bool {
+    let text = files::read(path, MAX_CONFIG_BYTES).unwrap_or_default();
+    toml::from_slice(&text).is_ok_and(|table: toml::Table| table.is_empty())
 }

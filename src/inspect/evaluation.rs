@@ -6,9 +6,14 @@ use serde_json::Value;
 
 use super::{InspectError, read};
 use crate::eval::suites;
+use crate::report::evaluation::{Evaluation, MAX_BYTES};
 
-/// Largest file that is read, bytes.
-const MAX_BYTES: u64 = 16 << 20;
+/// Longest name that is shown, characters.
+const LONGEST: usize = 200;
+/// Most of anything that is counted, but for steps.
+const MOST: u64 = 1_000_000_000;
+/// Most steps of a training.
+const MOST_STEPS: u64 = 1_000_000_000_000_000;
 
 pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
     let damaged = |why: String| InspectError::Damaged {
@@ -23,6 +28,19 @@ pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
         let why = "no evaluation: it does not say policy, robot, engine and conditions";
         return Err(damaged(why.to_owned()));
     };
+    Evaluation::read(&result).map_err(|error| damaged(error.to_string()))?;
+    if let Some(word) = [policy, robot, engine, conditions]
+        .into_iter()
+        .find(|word| word.chars().count() > LONGEST)
+    {
+        let start: String = word.chars().take(LONGEST / 4).collect();
+        return Err(damaged(format!(
+            "a name in it has more than {LONGEST} characters: {start}..."
+        )));
+    }
+    if let Some(what) = absurd(&result) {
+        return Err(damaged(what));
+    }
     let count = |key: &str| result.get(key).and_then(Value::as_u64);
     let mut text = format!("evaluation of {policy}");
     text += &count("steps").map_or_else(String::new, |steps| format!(" after {steps} steps"));
@@ -35,6 +53,22 @@ pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
         }
     }
     Ok(text)
+}
+
+/// A count that no evaluation has.
+fn absurd(result: &Value) -> Option<String> {
+    let of_suite = |key: &'static str| {
+        result
+            .as_object()
+            .into_iter()
+            .flatten()
+            .map(move |(_, suite)| (key, suite.get(key)))
+    };
+    let counts = ["survived", "total"].into_iter().flat_map(of_suite);
+    let counts = counts.map(|(key, count)| (key, count, MOST));
+    let mut counts = counts.chain([("steps", result.get("steps"), MOST_STEPS)]);
+    let wrong = counts.find(|(_, count, most)| count.is_some_and(|count| count.as_u64().is_none_or(|n| n > *most)));
+    wrong.map(|(key, _, most)| format!("`{key}` is no number from 0 to {most}"))
 }
 
 /// How much of a suite was played, and how it ended.

@@ -36,6 +36,9 @@ const MAGIC_BYTES: u64 = 8;
 /// Largest picture or page that is read, bytes.
 const MAX_PAGE_BYTES: u64 = 64 << 20;
 
+/// Numbers from here on are written with an exponent.
+const MOST_DIGITS: f64 = 1e15;
+
 /// Why there is nothing to say of a path.
 #[derive(Debug, Error, Diagnostic)]
 enum InspectError {
@@ -170,20 +173,10 @@ fn beside_a_urdf(path: &Path) -> std::io::Result<Option<PathBuf>> {
 
 /// The content of a file, which may have `limit` bytes at most.
 fn read(path: &Path, limit: u64) -> Result<Vec<u8>, InspectError> {
-    let mut bytes = Vec::new();
-    files::open(path)
-        .and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
-        .map_err(|why| InspectError::Io {
-            path: path.to_owned(),
-            why,
-        })?;
-    if bytes.len() as u64 > limit {
-        return Err(InspectError::Damaged {
-            path: path.to_owned(),
-            why: format!("it is larger than {limit} bytes"),
-        });
-    }
-    Ok(bytes)
+    files::read(path, limit).map_err(|why| InspectError::Io {
+        path: path.to_owned(),
+        why,
+    })
 }
 
 fn report(path: &Path) -> Result<String, InspectError> {
@@ -226,10 +219,10 @@ fn metrics(metrics: &Metrics) -> String {
         .max()
         .unwrap_or(0);
     for (column, value) in metrics.columns.iter().zip(values) {
-        let value = if value.is_nan() {
-            "not measured".to_owned()
-        } else {
-            format!("{value:.6}")
+        let value = match value {
+            value if value.is_nan() => "not measured".to_owned(),
+            value if value.abs() >= MOST_DIGITS => format!("{value:.6e}"),
+            value => format!("{value:.6}"),
         };
         text += &format!("    {column:<width$}  {value}\n");
     }

@@ -10,11 +10,22 @@ use crate::run::RunFolder;
 use crate::run::events::event_files;
 use crate::run::metrics::Metrics;
 use crate::run::sessions::Sessions;
+use crate::terminal::tell;
 
 pub(super) fn describe(path: &Path, defaults: &Layers) -> Result<String, Report> {
     let run = RunFolder::open(path)?;
-    let mut text = format!("run {}\n{}", path.display(), config::describe(&run.config(), defaults)?);
-    text += &sessions(&Sessions::open(&run.sessions())?);
+    let configuration = match run.emptied() {
+        Some(emptied) => format!("configuration: {emptied}\n"),
+        None => config::describe(&run.config(), defaults)?,
+    };
+    let mut text = format!("run {}\n{configuration}", path.display());
+    text += &match Sessions::open(&run.sessions()) {
+        Ok(record) => sessions(&record),
+        Err(error) => {
+            tell(format_args!("warning: {error}"));
+            "how it was made: not known, its record is damaged\n".to_owned()
+        }
+    };
     match run.metrics().exists() {
         true => text += &metrics(&Metrics::read(&run.metrics())?),
         false => text += "metrics: none yet\n",

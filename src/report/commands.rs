@@ -213,7 +213,7 @@ fn legend(quantity: &Quantity) -> Panel<'static> {
         title: quantity.unit,
         x: Some(0.0..1.0),
         y: Some(0.0..darkest),
-        x_label: |_| String::new(),
+        x_label: |_, _| String::new(),
         blocks: (0..steps).map(block).collect(),
         ..Panel::default()
     }

@@ -16,6 +16,16 @@ pub struct Curves {
     bins: Vec<Bin>,
     /// Rows in a full bin.
     rows: usize,
+    /// What numbers the updates of the rows have.
+    numbered: Numbered,
+}
+
+/// Numbers of the updates in the first row and in the last, and how many rows follow the first.
+#[derive(Clone, Copy, Debug, Default)]
+struct Numbered {
+    first: f64,
+    last: f64,
+    steps: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -41,6 +51,9 @@ impl Curves {
         let metrics = Metrics::scan(path, |metrics| {
             if let Some((step, values)) = &metrics.last {
                 curves.push(*step, values);
+                let number = metrics.columns.iter().position(|column| column == "update");
+                let number = number.and_then(|column| values.get(column));
+                curves.numbered.note(number.copied().unwrap_or(f64::NAN), metrics.rows);
             }
         })?;
         curves.columns = metrics.columns;
@@ -50,6 +63,11 @@ impl Curves {
     /// Updates a point is the mean of.
     pub fn updates_per_point(&self) -> usize {
         self.rows
+    }
+
+    /// Updates from one row to the next: more than one where rows were taken out, as of runs that are kept in a repository.
+    pub fn apart(&self) -> usize {
+        self.numbered.apart()
     }
 
     /// The last step.
@@ -82,6 +100,22 @@ impl Curves {
             self.rows *= 2;
         }
         self.bins.push(new);
+    }
+}
+
+impl Numbered {
+    fn note(&mut self, number: f64, rows: usize) {
+        if rows <= 1 {
+            self.first = number;
+        }
+        self.last = number;
+        self.steps = rows.saturating_sub(1);
+    }
+
+    /// Numbers that are missing, or none that updates have, say nothing.
+    fn apart(&self) -> usize {
+        let apart = ((self.last - self.first) / self.steps.max(1) as f64).round();
+        if (1.0..1e9).contains(&apart) { apart as usize } else { 1 }
     }
 }
 
@@ -125,5 +159,23 @@ mod tests {
         }
         assert!(curves.column("odd").iter().all(|&(_, mean)| mean == 5.0));
         assert!(curves.column("none").is_empty());
+        assert_eq!(curves.apart(), 1);
+    }
+
+    #[test]
+    fn rows_that_were_taken_out_are_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, first, apart, expected) in [
+            ("all", 1.0, 1.0, 1),
+            ("thinned", 39.0, 40.0, 40),
+            ("odd", f64::NAN, 1.0, 1),
+        ] {
+            let path = folder.path().join(name);
+            let mut writer = MetricsWriter::create(&path, &["update"]).unwrap();
+            for row in 0..10 {
+                writer.append(row + 1, &[first + apart * row as f64]).unwrap();
+            }
+            assert_eq!(Curves::read(&path, String::new()).unwrap().apart(), expected, "{name}");
+        }
     }
 }

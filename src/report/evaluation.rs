@@ -1,13 +1,20 @@
 //! Pictures of an evaluation, drawn from what `eval.json` says: by `omniwalk eval` when it has played, by `omniwalk report` at
 //! any time after, of files whose pictures were not kept too.
 
-use miette::Diagnostic;
+use std::path::Path;
+
+use miette::{Context, Diagnostic, IntoDiagnostic, Report};
 use serde::Deserialize;
 use serde_json::Value;
 use thiserror::Error;
 
 use super::canvas::Canvas;
 use super::{ReportError, commands, polar};
+use crate::eval::suites::{self, Suite};
+use crate::files;
+
+/// Largest file that is read, bytes.
+pub const MAX_BYTES: u64 = 16 << 20;
 
 /// Most commands of a suite.
 const MOST: usize = 10_000;
@@ -17,12 +24,18 @@ const MOST_ALONG: usize = 25;
 /// Largest velocity, m/s or rad/s, and force, N, that a picture has room for.
 const LARGEST: f64 = 1e6;
 
+/// Most sequences of a command.
+const MOST_EPISODES: f64 = 1e9;
+
 /// A picture and the name of its file.
 pub type Picture = (&'static str, Canvas);
 
 /// What pictures show of an `eval.json`; suites that were not played are none.
 #[derive(Debug, Default, Deserialize)]
 pub struct Evaluation {
+    /// Control steps of the policy's training, if the file says.
+    pub steps: Option<u64>,
+    conditions: Option<String>,
     forward: Option<Rows<Held>>,
     falls: Option<Rows<Held>>,
     tracking: Option<Tracking>,
@@ -57,6 +70,17 @@ pub struct Held {
     pub error_yaw_radps: Option<f64>,
     /// Its 95 % interval.
     pub error_yaw_ci95: Option<[Option<f64>; 2]>,
+}
+
+impl Held {
+    /// Whether its figures can be ones that were counted and measured.
+    fn is_plausible(&self) -> bool {
+        let intervals = [self.error_xy_ci95, self.error_yaw_ci95];
+        let bounds = intervals.into_iter().flatten().flatten().flatten();
+        let errors = [self.error_xy_mps, self.error_yaw_radps].into_iter().flatten();
+        let counted = 0.0 <= self.falls && self.falls <= self.episodes && self.episodes <= MOST_EPISODES;
+        counted && errors.chain(bounds).all(|error| error.abs() <= LARGEST)
+    }
 }
 
 /// The suite `tracking`'s grid.
@@ -109,13 +133,34 @@ pub struct Pushed {
 pub struct NotAnEvaluation(String);
 
 impl Evaluation {
+    /// What the file at `path` says: all of it, and what is drawn of that.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no JSON or not an evaluation.
+    pub fn load(path: &Path) -> Result<(Value, Self), Report> {
+        let bytes = files::read(path, MAX_BYTES).into_diagnostic();
+        let bytes = bytes.wrap_err_with(|| format!("cannot read {}", path.display()))?;
+        let value = serde_json::from_slice(&bytes).map_err(|error| NotAnEvaluation(format!("no JSON: {error}")));
+        let read = value.and_then(|value| Ok((Self::read(&value)?, value)));
+        let (evaluation, value) = read.wrap_err_with(|| format!("cannot draw {}", path.display()))?;
+        Ok((value, evaluation))
+    }
+
     /// What `value` says.
     ///
     /// # Errors
-    /// [`NotAnEvaluation`] when rows, or the grid, are not what `omniwalk eval` writes.
+    /// [`NotAnEvaluation`] when there is no suite, or rows, or the grid, are not what `omniwalk eval` writes.
     pub fn read(value: &Value) -> Result<Self, NotAnEvaluation> {
         let read =
             serde_path_to_error::deserialize::<_, Self>(value).map_err(|error| NotAnEvaluation(error.to_string()))?;
+        let suites = || ["forward"].into_iter().chain(suites::ALL.map(Suite::name));
+        if !suites().any(|name| value.get(name).is_some_and(Value::is_object)) {
+            let names: Vec<&str> = suites().collect();
+            return Err(NotAnEvaluation(format!(
+                "it has no suite, none of {}",
+                names.join(", ")
+            )));
+        }
         read.check().map_or(Ok(read), |what| Err(NotAnEvaluation(what)))
     }
 
@@ -126,8 +171,14 @@ impl Evaluation {
             .into_iter()
             .flatten()
             .map(|rows| &rows.rows);
-        let mut rows = rows.chain(self.tracking.iter().map(|tracking| &tracking.rows));
-        if rows.any(|rows| rows.len() > MOST || !rows.iter().flat_map(|row| &row.command).all(drawn)) {
+        let rows = rows.chain(self.tracking.iter().map(|tracking| &tracking.rows));
+        if rows.clone().flatten().any(|row| !row.is_plausible()) {
+            return Some("falls, episodes or errors that are none".into());
+        }
+        if rows
+            .clone()
+            .any(|rows| rows.len() > MOST || !rows.iter().flat_map(|row| &row.command).all(drawn))
+        {
             return Some("commands that no robot walks".into());
         }
         let pushes = self.push.iter().flat_map(|push| &push.rows);
@@ -170,7 +221,7 @@ impl Evaluation {
             pictures.push(("eval_grid.png", commands::grid(&tracking.grid)?));
         }
         if let Some(push) = self.push.as_ref().filter(|push| !push.rows.is_empty()) {
-            pictures.push(("eval_push.png", polar::pushes(&push.rows)?));
+            pictures.push(("eval_push.png", polar::pushes(&push.rows, self.conditions.as_deref())?));
         }
         Ok(pictures)
     }
@@ -192,7 +243,7 @@ mod tests {
 
     #[test]
     fn what_was_played_is_drawn_and_nothing_else() {
-        assert!(named(&json!({"engine": "rapier"})).is_empty());
+        assert!(named(&json!({"engine": "rapier", "changes": {}})).is_empty());
         let rows = json!({"rows": [held()]});
         assert_eq!(named(&json!({"forward": rows})), ["eval_falls.png"]);
         assert_eq!(named(&json!({"forward": rows, "falls": rows})), ["eval_falls.png"]);
@@ -223,7 +274,7 @@ mod tests {
             );
         }
         let mut odd = held();
-        (odd["falls"], odd["episodes"], odd["error_xy_mps"]) = (json!(-1e300), json!(0), json!(1e308));
+        (odd["falls"], odd["episodes"], odd["error_xy_mps"]) = (json!(0), json!(0), json!(1e6));
         assert_eq!(named(&json!({"falls": {"rows": vec![odd.clone(); MOST]}, "tracking": {"rows": [odd], "grid": {"v_x": [1e6], "v_y": [-1e6], "omega_z": [0], "episodes": 1,
             "cells": {"error_xy_mps": [[[null]]], "error_yaw_radps": [[[null]]], "falls": [[[null]]]}}}})).len(), 3);
     }
@@ -238,8 +289,29 @@ mod tests {
         assert_eq!(named(&grid(json!([0.1]), &cell)), ["eval_error.png", "eval_grid.png"]);
         let mut far = held();
         far["command"] = json!([1e300, 0.0, 0.0]);
+        let with = |key: &str, value: Value| {
+            let mut row = held();
+            row[key] = value;
+            json!({"falls": {"rows": [row]}})
+        };
         for (value, part) in [
             (json!([]), "struct Evaluation"),
+            (json!({}), "it has no suite, none of forward, falls"),
+            (json!({"falls": null}), "it has no suite"),
+            (with("falls", json!(-1e300)), "falls, episodes or errors that are none"),
+            (with("falls", json!(21)), "falls, episodes or errors that are none"),
+            (
+                with("episodes", json!(1e300)),
+                "falls, episodes or errors that are none",
+            ),
+            (
+                with("error_xy_mps", json!(1e308)),
+                "falls, episodes or errors that are none",
+            ),
+            (
+                with("error_xy_ci95", json!([0.1, 1e308])),
+                "falls, episodes or errors that are none",
+            ),
             (json!({"falls": {"rows": 3}}), "falls.rows: "),
             (
                 json!({"falls": {"rows": [held(), {}]}}),

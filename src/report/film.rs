@@ -1,4 +1,4 @@
-//! `filmstrip.png`: the robot in even moments of a gait cycle, its collision shapes ray-cast in parallel projection.
+//! `filmstrip.png`: the robot in even moments of a gait cycle, or of a second where there is none, its collision shapes ray-cast in parallel projection.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use omniwalk_env::robot::{Geometry, Kinematics, Robot};
@@ -27,12 +27,13 @@ const BONE: f64 = 0.022;
 const BONE_COLOUR: RGBColor = RGBColor(92, 99, 110);
 const TRUNK_COLOUR: RGBColor = RGBColor(190, 196, 204);
 
-/// Draws a gait cycle of `motion`, an episode of `robot`.
+/// Draws a gait cycle of `motion`, an episode of `robot`, or a second where there is none.
 ///
 /// # Errors
 /// [`ReportError::Draw`].
 pub fn draw(motion: &Motion, robot: &Robot) -> Result<Canvas, ReportError> {
-    let (from, to) = motion.cycle(robot);
+    let cycle = motion.cycle(robot);
+    let (from, to) = cycle.unwrap_or_else(|| motion.second());
     let moment = |i: usize| motion.at(from + (to - from) * i as f64 / (FRAMES - 1) as f64);
     let forward = heading(&moment(0).base);
     let origin = motion.frames[0].base.translation.vector;
@@ -53,7 +54,11 @@ pub fn draw(motion: &Motion, robot: &Robot) -> Result<Canvas, ReportError> {
         }
     });
     canvas.draw(|area| {
-        let title = format!("A gait cycle of {}, {:.2} s", robot.name, to - from);
+        let (name, seconds) = (&robot.name, to - from);
+        let title = match cycle {
+            Some(_) => format!("A gait cycle of {name}, {seconds:.2} s"),
+            None => format!("No gait cycle: {seconds:.2} s of {name}"),
+        };
         write(area, &title, &text(24, INK), (px(12), px(8)))?;
         let [x, y, turn] = moment(0).command;
         let below = format!(

@@ -6,7 +6,7 @@ use plotters::style::RGBColor;
 use super::ReportError;
 use super::canvas::{Area, COLOURS, Canvas, GREY, INK, PALE, px, text, write};
 use super::motion::{CONTACT_HEIGHT, Frame, Motion, leg, pitch};
-use super::plot::{Line, Panel, running_mean, short};
+use super::plot::{Line, Panel, running_mean};
 
 /// Size of the picture, pixels.
 const SIZE: (u32, u32) = (1260, 1010);
@@ -35,13 +35,18 @@ pub fn draw(motion: &Motion, robot: &Robot) -> Result<Canvas, ReportError> {
         let (velocities, joints) = rest.split_vertically(px(ROWS[3]));
         view.head(&head)?;
         view.contacts().draw(&contacts)?;
+        view.name_rows(&contacts)?;
         view.soles().draw(&soles)?;
         for (axis, cell) in velocities.split_evenly((1, 3)).iter().enumerate() {
             view.velocity(axis).draw(cell)?;
         }
         let (joints, phase) = joints.split_horizontally(px(SIZE.0 as i32 * 2 / 3));
         let chain = leg(robot);
-        view.joints(&chain).draw(&joints)?;
+        let title = match robot.feet.first().map(|foot| foot.name.as_str()) {
+            Some(side @ ("left" | "right")) => format!("{side} leg, rad"),
+            _ => "leg, rad".to_owned(),
+        };
+        view.joints(&title, &chain).draw(&joints)?;
         match pitch(robot, &chain)[..] {
             [hip, knee, ..] => view.phase(hip, knee).draw(&phase),
             _ => Ok(()),
@@ -81,18 +86,29 @@ impl View<'_> {
                 let corners = [(from.max(self.start), low + 0.15), (to.min(self.end), low + 0.85)];
                 (corners, COLOURS[foot % COLOURS.len()])
             }));
-            panel.lines.push(line(&self.robot.feet[foot].name, foot, Vec::new()));
         }
         panel.y = Some(0.0..feet as f64);
-        panel.y_label = |_| String::new();
+        panel.y_label = |_, _| String::new();
         panel
+    }
+
+    /// The name of each foot to the left of its strip.
+    fn name_rows(&self, area: &Area<'_>) -> Result<(), ReportError> {
+        let feet = &self.robot.feet;
+        // Between the title and the labels of the panel.
+        let height = (ROWS[1] - 52) / feet.len().max(1) as i32;
+        (0..).zip(feet).try_for_each(|(row, foot)| {
+            let top = 26 + row * height + height / 2 - 5;
+            let colour = COLOURS[row as usize % COLOURS.len()];
+            write(area, &of_foot(&foot.name), &text(12, colour), (px(4), px(top))).map(drop)
+        })
     }
 
     fn soles(&self) -> Panel<'static> {
         let mut panel = self.in_window("height of the lowest sole corner, mm");
         for (foot, about) in self.robot.feet.iter().enumerate() {
             let points = self.points(|frame| 1000.0 * frame.soles[foot]);
-            panel.lines.push(line(&about.name, foot, points));
+            panel.lines.push(line(&of_foot(&about.name), foot, points));
         }
         let threshold = 1000.0 * CONTACT_HEIGHT;
         panel.lines.push(Line {
@@ -109,7 +125,9 @@ impl View<'_> {
         let frames = &self.motion.frames;
         let all = |value: fn(&Frame) -> [f64; 3]| frames.iter().map(|f| (f.time, value(f)[axis])).collect::<Vec<_>>();
         let raw = all(|frame| frame.velocity);
-        let (from, to) = self.motion.cycle(self.robot);
+        let cycle = self.motion.cycle(self.robot);
+        let (from, to) = cycle.unwrap_or_else(|| self.motion.second());
+        let mean = ["mean of a second", "mean of a cycle"][usize::from(cycle.is_some())];
         let mut measured = coloured("measured", PALE, raw.clone());
         measured.width = 2;
         Panel {
@@ -118,15 +136,15 @@ impl View<'_> {
             x: Some(0.0..self.motion.seconds()),
             lines: vec![
                 measured,
-                line("mean of a cycle", 0, running_mean(&raw, to - from)),
+                line(mean, 0, running_mean(&raw, to - from)),
                 coloured("command", INK, all(|frame| frame.command)),
             ],
             ..Panel::default()
         }
     }
 
-    fn joints(&self, leg: &[usize]) -> Panel<'static> {
-        let mut panel = self.in_window("leg, rad");
+    fn joints<'t>(&self, title: &'t str, leg: &[usize]) -> Panel<'t> {
+        let mut panel = self.in_window(title);
         panel.below = "time, s";
         for (i, &dof) in leg.iter().enumerate() {
             let points = self.points(|frame| frame.positions[dof]);
@@ -145,12 +163,11 @@ impl View<'_> {
             title: "knee over hip pitch, rad",
             below: "hip pitch, rad",
             lines: vec![path],
-            x_label: short,
             ..Panel::default()
         }
     }
 
-    fn in_window(&self, title: &'static str) -> Panel<'static> {
+    fn in_window<'t>(&self, title: &'t str) -> Panel<'t> {
         Panel {
             title,
             x: Some(self.start..self.end),
@@ -171,6 +188,14 @@ impl View<'_> {
         let side = self.robot.feet.first().map_or("", |foot| &foot.name);
         let rest = name.strip_prefix(side).unwrap_or(name);
         rest.trim_start_matches('_').replace('_', " ")
+    }
+}
+
+/// What a foot is called in the picture: those of two legs are `left` and `right` alone.
+fn of_foot(name: &str) -> String {
+    match name {
+        "left" | "right" => format!("{name} foot"),
+        _ => name.to_owned(),
     }
 }
 

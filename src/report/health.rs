@@ -42,7 +42,7 @@ pub fn warnings(path: &Path, joints: Option<usize>) -> Result<Vec<String>, Metri
     })?;
     let of_all = |spell: &Spell| {
         format!(
-            "{}; so in {} of {} updates, first after {} steps, last after {}",
+            "{}; so in {} of {} recorded updates, first after {} steps, last after {}",
             spell.first, spell.updates, metrics.rows, spell.from, spell.to
         )
     };
@@ -97,7 +97,7 @@ mod tests {
         assert_eq!(said.len(), 3, "{said:?}");
         for part in [
             "KL of 0.40",
-            "in 3 of 10 updates, first after 400 steps, last after 600",
+            "in 3 of 10 recorded updates, first after 400 steps, last after 600",
         ] {
             assert!(said[0].contains(part), "{said:?}");
         }

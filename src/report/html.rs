@@ -31,19 +31,22 @@ const COLUMNS: [(&str, &str); 16] = [
     ("drift, m", "/drift_m"),
 ];
 
-/// What the page says of a run.
+/// What the page says of a run, a policy or an evaluation.
+#[derive(Default)]
 pub struct About {
     /// Name in the pictures.
     pub name: String,
-    /// The effective configuration.
-    pub config: String,
+    /// The effective configuration of a run.
+    pub config: Option<String>,
     /// Seed of the training, if the configuration names one.
     pub seed: Option<i64>,
     /// `eval.json`, if the run was evaluated.
     pub eval: Option<Value>,
-    /// What went wrong while it learned, a sentence each.
+    /// What went wrong while it learned, and what of it cannot be read, a sentence each.
     pub warnings: Vec<String>,
-    /// Commands that made the run, and those that make its evaluation and this page again.
+    /// Why it is not known how it was trained.
+    pub unrecorded: Option<String>,
+    /// Commands that made the run, as far as they were recorded, and those that make its evaluation and this page again.
     pub commands: Vec<String>,
     /// Programs and machines that trained it.
     pub programs: Vec<String>,
@@ -95,6 +98,9 @@ fn about(run: &About, out: &mut String) {
     for program in &run.programs {
         let _ = writeln!(out, "<p>trained by {}</p>", escaped(program));
     }
+    if let Some(why) = &run.unrecorded {
+        let _ = writeln!(out, "<p>How it was trained is not recorded: {}</p>", escaped(why));
+    }
     if let Some(command) = &run.missing {
         let _ = writeln!(
             out,
@@ -111,7 +117,9 @@ fn about(run: &About, out: &mut String) {
         "<h3>Commands</h3>\n<pre>{}</pre>",
         escaped(&run.commands.join("\n"))
     );
-    let _ = writeln!(out, "<h3>Configuration</h3>\n<pre>{}</pre>", escaped(&run.config));
+    if let Some(config) = &run.config {
+        let _ = writeln!(out, "<h3>Configuration</h3>\n<pre>{}</pre>", escaped(config));
+    }
 }
 
 /// A table a suite: every member of the evaluation that has rows.
@@ -168,7 +176,11 @@ fn table(eval: &Value, out: &mut String) {
 
 fn cell(value: &Value) -> String {
     match value {
-        Value::Number(number) if number.is_f64() => format!("{:.3}", number.as_f64().unwrap_or(f64::NAN)),
+        Value::Number(number) if number.is_f64() => match number.as_f64().unwrap_or(f64::NAN) {
+            // No figure of a walk: not in hundreds of digits.
+            x if x.abs() >= 1e6 => format!("{x:.3e}"),
+            x => format!("{x:.3}"),
+        },
         Value::String(text) => text.clone(),
         Value::Null => String::new(),
         other => other.to_string(),

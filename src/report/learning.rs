@@ -3,7 +3,7 @@
 use super::ReportError;
 use super::canvas::{COLOURS, Canvas, GREY, INK, px, text, write};
 use super::curves::Curves;
-use super::plot::{Line, Panel, short};
+use super::plot::{Line, Panel, tick};
 
 /// Panels side by side.
 const COLUMNS: usize = 3;
@@ -60,14 +60,26 @@ pub fn draw(runs: &[Curves]) -> Result<Canvas, ReportError> {
         for (i, run) in runs.iter().enumerate() {
             x = write(area, &run.name, &text(17, colour(i)), (x, px(14)))? + px(18);
         }
-        let updates = runs.iter().map(Curves::updates_per_point).max().unwrap_or(1);
-        let below = format!("against control steps of all environments; a point is the mean of {updates} updates");
+        let below = format!("against control steps of all environments; {}", points(runs));
         write(area, &below, &text(15, GREY), (px(12), px(46)))?;
         let (_, below) = area.split_vertically(px(HEAD as i32));
         let cells = below.split_evenly((rows as usize, COLUMNS));
         panels.iter().zip(&cells).try_for_each(|(panel, cell)| panel.draw(cell))
     })?;
     Ok(canvas)
+}
+
+/// What a point is.
+fn points(runs: &[Curves]) -> String {
+    let most = |count: fn(&Curves) -> usize| runs.iter().map(count).max().unwrap_or(1);
+    let point = match most(Curves::updates_per_point) {
+        1 => "a point is an update".to_owned(),
+        updates => format!("a point is the mean of {updates} updates"),
+    };
+    match most(Curves::apart) {
+        1 => point,
+        apart => format!("{point}, and of {apart} updates one was kept in metrics.csv"),
+    }
 }
 
 fn panel<'a>(&(column, title, logarithmic): &(&str, &'a str, bool), runs: &[Curves], end: f64) -> Option<Panel<'a>> {
@@ -84,12 +96,18 @@ fn panel<'a>(&(column, title, logarithmic): &(&str, &'a str, bool), runs: &[Curv
         }
     };
     let lines: Vec<Line> = runs.iter().enumerate().map(line).collect();
-    let something = |&(_, y): &(f64, f64)| y.is_finite() && y != 0.0;
-    let worth = lines.iter().any(|line| line.points.iter().any(something));
+    // What ended episodes, and what did not.
+    let ends = ["episode/fallen", "episode/leg_overlap"];
+    let worth = if ends.contains(&column) {
+        runs.iter()
+            .any(|run| ends.iter().any(|end| is_something(&run.column(end))))
+    } else {
+        lines.iter().any(|line| is_something(&line.points))
+    };
     worth.then(|| Panel {
         title,
         x: Some(0.0..end),
-        y_label: if logarithmic { power } else { short },
+        y_label: if logarithmic { power } else { tick },
         lines,
         ..Panel::default()
     })
@@ -99,7 +117,60 @@ fn colour(run: usize) -> plotters::style::RGBColor {
     COLOURS[run % COLOURS.len()]
 }
 
-/// The number whose decimal logarithm is `exponent`.
-fn power(exponent: &f64) -> String {
-    format!("{:.0e}", 10f64.powf(*exponent))
+fn is_something(points: &[(f64, f64)]) -> bool {
+    points.iter().any(|&(_, y)| y.is_finite() && y != 0.0)
+}
+
+/// The number whose decimal logarithm is `exponent`, so that it is another one `step` further.
+fn power(exponent: f64, step: f64) -> String {
+    let digits = if step < 0.25 { 2 } else { usize::from(step < 0.9) };
+    format!("{:.digits$e}", 10f64.powf(exponent))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::metrics::MetricsWriter;
+
+    fn curves(columns: &[&str], row: impl Fn(u64) -> Vec<f64>) -> Curves {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.csv");
+        let mut writer = MetricsWriter::create(&path, columns).unwrap();
+        for i in 1..=400 {
+            writer.append(i, &row(i)).unwrap();
+        }
+        Curves::read(&path, String::new()).unwrap()
+    }
+
+    #[test]
+    fn what_a_point_is_is_said_as_it_is() {
+        let every = |apart: f64| curves(&["update"], |i| vec![apart * i as f64]);
+        assert_eq!(points(&[every(1.0)]), "a point is the mean of 2 updates");
+        assert_eq!(
+            points(&[every(1.0), every(40.0)]),
+            "a point is the mean of 2 updates, and of 40 updates one was kept in metrics.csv"
+        );
+    }
+
+    #[test]
+    fn what_never_ended_an_episode_is_shown_beside_what_did() {
+        let columns = ["episode/fallen", "episode/leg_overlap", "reward/slip"];
+        let titles = |overlap: f64| -> Vec<&str> {
+            let runs = [curves(&columns, |_| vec![0.0, overlap, 0.0])];
+            let panels = PANELS.iter().filter_map(|entry| panel(entry, &runs, 400.0));
+            panels.map(|panel| panel.title).collect()
+        };
+        assert_eq!(
+            titles(1.0),
+            ["share of episodes that fell", "share ended by leg overlap"]
+        );
+        assert!(titles(0.0).is_empty());
+    }
+
+    #[test]
+    fn powers_of_ten_differ_from_tick_to_tick() {
+        assert_eq!(power(-4.0, 1.0), "1e-4");
+        assert_eq!((power(-4.0, 0.5), power(-3.5, 0.5)), ("1.0e-4".into(), "3.2e-4".into()));
+        assert_ne!(power(-4.0, 0.02), power(-3.98, 0.02));
+    }
 }

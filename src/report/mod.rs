@@ -4,6 +4,7 @@
 //! Pictures are drawn in memory at twice their size and averaged down, which smooths every edge alike, with a font that
 //! is compiled in: the same files give the same bytes on every machine, with fonts installed or without.
 
+pub mod again;
 pub mod canvas;
 pub mod commands;
 pub mod curves;
@@ -19,6 +20,7 @@ pub mod motion;
 pub mod plot;
 pub mod polar;
 pub mod ray;
+pub mod subject;
 
 use miette::Diagnostic;
 use thiserror::Error;

@@ -139,9 +139,8 @@ impl Motion {
         stances
     }
 
-    /// Begin and end of a gait cycle of the first foot from the middle of the episode on, or a second from there where
-    /// there is none.
-    pub fn cycle(&self, robot: &Robot) -> (f64, f64) {
+    /// Begin and end of a gait cycle of the first foot from the middle of the episode on; none where the robot takes no such steps.
+    pub fn cycle(&self, robot: &Robot) -> Option<(f64, f64)> {
         let middle = self.seconds() / 2.0;
         let stances = if robot.feet.is_empty() {
             Vec::new()
@@ -150,7 +149,13 @@ impl Motion {
         };
         let touchdowns: Vec<f64> = stances.iter().map(|s| s.0).filter(|&t| t >= middle).collect();
         let cycle = touchdowns.windows(2).find(|pair| CYCLE.contains(&(pair[1] - pair[0])));
-        cycle.map_or((middle, self.seconds().min(middle + 1.0)), |pair| (pair[0], pair[1]))
+        cycle.map(|pair| (pair[0], pair[1]))
+    }
+
+    /// A second from the middle of the episode on, for what has no gait cycle.
+    pub fn second(&self) -> (f64, f64) {
+        let middle = self.seconds() / 2.0;
+        (middle, self.seconds().min(middle + 1.0))
     }
 }
 

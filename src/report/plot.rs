@@ -3,6 +3,8 @@
 use std::ops::Range;
 
 use plotters::chart::{ChartBuilder, LabelAreaPosition};
+use plotters::coord::ranged1d::{BoldPoints, Ranged};
+use plotters::coord::types::RangedCoordf64;
 use plotters::element::{PathElement, Rectangle};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
@@ -57,6 +59,11 @@ pub fn framed(
     Ok(canvas)
 }
 
+/// How a tick is labelled: its value, and how far it is to the next.
+pub type Label = fn(f64, f64) -> String;
+/// Ticks along an axis, about.
+const TICKS: [usize; 2] = [6, 5];
+
 /// A chart.
 pub struct Panel<'a> {
     /// What is shown, with the unit.
@@ -68,9 +75,9 @@ pub struct Panel<'a> {
     /// Range along y; one that holds the lines if none.
     pub y: Option<Range<f64>>,
     /// Labels along x.
-    pub x_label: fn(&f64) -> String,
+    pub x_label: Label,
     /// Labels along y.
-    pub y_label: fn(&f64) -> String,
+    pub y_label: Label,
     /// The curves.
     pub lines: Vec<Line>,
     /// Filled rectangles behind the curves: corners and colour.
@@ -84,8 +91,8 @@ impl Default for Panel<'_> {
             below: "",
             x: None,
             y: None,
-            x_label: short,
-            y_label: short,
+            x_label: tick,
+            y_label: tick,
             lines: Vec::new(),
             blocks: Vec::new(),
         }
@@ -111,15 +118,18 @@ impl Panel<'_> {
             .set_label_area_size(LabelAreaPosition::Bottom, px(24) + below)
             .build_cartesian_2d(x.clone(), y.clone())
             .map_err(ReportError::draw)?;
+        let (x_step, y_step) = (step(&x, TICKS[0]), step(&y, TICKS[1]));
+        let x_label = |value: &f64| (self.x_label)(*value, x_step);
+        let y_label = |value: &f64| (self.y_label)(*value, y_step);
         let mut mesh = chart.configure_mesh();
         mesh.light_line_style(FAINT.mix(0.0))
             .bold_line_style(FAINT.stroke_width(2))
             .axis_style(GREY.stroke_width(2))
             .label_style(text(14, GREY))
-            .x_labels(6)
-            .y_labels(5)
-            .x_label_formatter(&self.x_label)
-            .y_label_formatter(&self.y_label);
+            .x_labels(TICKS[0])
+            .y_labels(TICKS[1])
+            .x_label_formatter(&x_label)
+            .y_label_formatter(&y_label);
         if !self.below.is_empty() {
             mesh.x_desc(self.below).axis_desc_style(text(14, INK));
         }
@@ -169,17 +179,46 @@ fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     }
 }
 
+/// How far it is from one of about `count` ticks over `range` to the next.
+fn step(range: &Range<f64>, count: usize) -> f64 {
+    let ticks = RangedCoordf64::from(range.clone()).key_points(BoldPoints(count));
+    ticks.windows(2).next().map_or(f64::NAN, |pair| pair[1] - pair[0])
+}
+
 /// A number as short as it can be written: `0.25`, `12`, `1.5 M`.
-pub fn short(value: &f64) -> String {
-    let (scaled, unit) = match value.abs() {
-        v if v >= 999_999.5 => (value / 1e6, " M"),
-        v if v >= 9_999.5 => (value / 1e3, " k"),
-        _ => (*value, ""),
+pub fn short(value: f64) -> String {
+    written(value, |_| 3)
+}
+
+/// The label of a tick: as short as it can be written, and another one than that of the tick `step` further.
+pub fn tick(value: f64, step: f64) -> String {
+    let whole = |x: f64| x > 0.5 && (x - x.round()).abs() < 1e-3;
+    // More have no room beside an axis.
+    let decimals = |unit: f64| (0..6).find(|&decimals| whole(step / unit * 10f64.powi(decimals)));
+    // Ticks are sums, so that nought is not always met.
+    let value = if value.abs() < 1e-6 * step { 0.0 } else { value };
+    let fine = step.is_finite() && decimals(1.0).is_none();
+    if value != 0.0 && (fine || value.abs() >= 1e12) {
+        let digits = ((value / step).abs().log10().ceil() + 1.0).clamp(1.0, 9.0) as usize;
+        return format!("{value:.digits$e}");
+    }
+    written(value, |unit| decimals(unit).map_or(6, |decimals| decimals as usize))
+}
+
+/// The value in its unit, with the decimals that are given for that.
+fn written(value: f64, decimals: impl Fn(f64) -> usize) -> String {
+    let (unit, name) = match value.abs() {
+        v if v >= 999_999.5 => (1e6, " M"),
+        v if v >= 9_999.5 => (1e3, " k"),
+        _ => (1.0, ""),
     };
-    let digits = format!("{scaled:.3}");
-    let digits = digits.trim_end_matches('0').trim_end_matches('.');
+    let digits = format!("{:.*}", decimals(unit), value / unit);
+    let digits = match digits.contains('.') {
+        true => digits.trim_end_matches('0').trim_end_matches('.'),
+        false => &digits,
+    };
     let digits = if digits == "-0" { "0" } else { digits };
-    format!("{digits}{unit}")
+    format!("{digits}{name}")
 }
 
 /// Mean of the points within half of `window` of each; only where the whole window holds points.
@@ -212,8 +251,38 @@ mod tests {
             (20_000.0, "20 k"),
         ];
         for (value, written) in cases {
-            assert_eq!(short(&value), written);
+            assert_eq!(short(value), written);
         }
+    }
+
+    #[test]
+    fn every_tick_has_a_label_of_its_own() {
+        for range in [
+            0.0..0.0025,
+            0.0..0.012,
+            0.0..1e-5,
+            -1e-8..1e-8,
+            0.0..1.5e6,
+            9.9e6..1.01e7,
+            -3.0..400.0,
+            1.0..1.001,
+            1.0..1.000001,
+            0.0..1e300,
+            1e6..1_000_004.0,
+        ] {
+            let step = step(&range, 5);
+            let ticks = RangedCoordf64::from(range.clone()).key_points(BoldPoints(5));
+            let mut labels: Vec<String> = ticks.iter().map(|value| tick(*value, step)).collect();
+            assert!(labels.iter().all(|label| label.len() <= 12), "{range:?}: {labels:?}");
+            let all = labels.len();
+            labels.dedup();
+            assert!(all > 2 && labels.len() == all, "{range:?}: {labels:?}");
+        }
+        assert_eq!(
+            (tick(0.0015, 0.0005), tick(0.001, 0.0005)),
+            ("0.0015".into(), "0.001".into())
+        );
+        assert_eq!((tick(20.0, 10.0), tick(1e6, 5e5)), ("20".into(), "1 M".into()));
     }
 
     #[test]

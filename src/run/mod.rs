@@ -4,7 +4,8 @@
 //! runs/NAME/config.toml       the whole effective configuration; written last when a run starts, so that a folder
 //!                             with it holds everything a run needs to be resumed
 //!           robot/            the robot's files
-//!           sessions.toml     how it was made: one entry for the start and for each resume
+//!           sessions.toml     how it was made: one entry for the start and for each resume; a resume moves a damaged one
+//!                             to sessions.damaged-N.toml
 //!           metrics.csv       one row an update
 //!           events.out.*      the same for TensorBoard
 //!           checkpoints/      the newest few, each written whole or not at all
@@ -28,8 +29,12 @@ use std::path::{Path, PathBuf};
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::files;
 pub use atomic::write_atomic;
 use checkpoints::Checkpoints;
+
+/// Largest configuration that is read, bytes.
+pub const MAX_CONFIG_BYTES: u64 = 1 << 20;
 
 /// Why a run folder cannot be used.
 #[derive(Debug, Error, Diagnostic)]
@@ -51,7 +56,7 @@ pub enum RunError {
     #[error("{} holds no run: there is no config.toml in it", .0.display())]
     #[diagnostic(help(
         "a run folder is what `omniwalk train` writes, such as runs/forward-1; one whose start was cut off can be started again; \
-         eval, export and rehearse take a policy file too, such as a policy.omni in the folder"
+         eval, report, export and rehearse take a policy file too, such as a policy.omni in the folder"
     ))]
     NoRun(PathBuf),
     /// Another process trains in the folder.
@@ -214,6 +219,15 @@ impl RunFolder {
     /// The effective configuration.
     pub fn config(&self) -> PathBuf {
         self.path.join("config.toml")
+    }
+
+    /// Says that nothing is in the configuration, of which training writes every value.
+    pub fn emptied(&self) -> Option<String> {
+        let path = self.config();
+        let text = files::read(&path, MAX_CONFIG_BYTES).ok()?;
+        let table: toml::Table = toml::from_slice(&text).ok()?;
+        let empty = format!("{} is empty: it is no run's configuration", path.display());
+        table.is_empty().then_some(empty)
     }
 
     /// The metrics.

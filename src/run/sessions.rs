@@ -10,7 +10,15 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::atomic::write_atomic;
+use crate::files;
 use crate::terminal::quoted;
+
+/// Largest record that is read, bytes: thousands of sessions.
+const MAX_BYTES: u64 = 4 << 20;
+/// Longest reason that is given, characters.
+const LONGEST_WHY: usize = 200;
+/// Longest session that is believed, s: a century.
+const LONGEST: f64 = 3.2e9;
 
 /// Why the record cannot be kept or read.
 #[derive(Debug, Error, Diagnostic)]
@@ -25,7 +33,9 @@ pub enum SessionsError {
     },
     /// The file is not what training wrote.
     #[error("{} is damaged: {why}", .path.display())]
-    #[diagnostic(help("move it away; it is a record only, training goes on without it"))]
+    #[diagnostic(help(
+        "it is a record only, of who trained when: move it away; `train --resume` does so by itself and goes on"
+    ))]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -120,6 +130,31 @@ struct Record {
     session: Vec<Session>,
 }
 
+impl Record {
+    /// What a file says, or what is wrong with it.
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let text = std::str::from_utf8(bytes).map_err(|_| "it is not text".to_owned())?;
+        // A message may repeat a value of any length.
+        let short = |message: &str| message.chars().take(LONGEST_WHY).collect::<String>();
+        let record: Self = toml::from_str(text).map_err(|error| short(error.message()))?;
+        for (i, session) in (1..).zip(&record.session) {
+            if !(0.0..=LONGEST).contains(&session.seconds) {
+                return Err(format!(
+                    "`seconds` of session {i} is {:e}, which no session lasts",
+                    session.seconds
+                ));
+            }
+            if session.first_step > session.last_step {
+                return Err(format!(
+                    "session {i} ends at step {}, before its first, {}",
+                    session.last_step, session.first_step
+                ));
+            }
+        }
+        Ok(record)
+    }
+}
+
 impl Sessions {
     /// The empty record of a new run; nothing is written yet, and what a start that was cut off wrote will go.
     pub fn new(path: &Path) -> Self {
@@ -134,23 +169,53 @@ impl Sessions {
     /// # Errors
     /// [`SessionsError`].
     pub fn open(path: &Path) -> Result<Self, SessionsError> {
-        let all = match fs::read_to_string(path) {
-            Ok(text) => toml::from_str(&text).map_err(|error| SessionsError::Damaged {
-                path: path.to_owned(),
-                why: error.message().to_owned(),
-            })?,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Record::default(),
-            Err(why) => {
-                return Err(SessionsError::Io {
-                    path: path.to_owned(),
-                    why,
-                });
-            }
+        let damaged = |why: String| SessionsError::Damaged {
+            path: path.to_owned(),
+            why,
+        };
+        let all = match files::read(path, MAX_BYTES) {
+            Ok(bytes) => Record::parse(&bytes).map_err(damaged)?,
+            Err(error) => match error.kind() {
+                io::ErrorKind::NotFound => Record::default(),
+                // Nothing that training writes, and in its way.
+                io::ErrorKind::FileTooLarge | io::ErrorKind::IsADirectory | io::ErrorKind::InvalidInput => {
+                    return Err(damaged(error.to_string()));
+                }
+                _ => {
+                    return Err(SessionsError::Io {
+                        path: path.to_owned(),
+                        why: error,
+                    });
+                }
+            },
         };
         Ok(Self {
             path: path.to_owned(),
             all,
         })
+    }
+
+    /// The record at `path` to be gone on with. A damaged one is moved aside, and a new one begins; the second value says what
+    /// is wrong and where the old one is.
+    ///
+    /// # Errors
+    /// [`SessionsError::Io`].
+    pub fn resume(path: &Path) -> Result<(Self, Option<String>), SessionsError> {
+        let damage = match Self::open(path) {
+            Ok(sessions) => return Ok((sessions, None)),
+            Err(damage @ SessionsError::Damaged { .. }) => damage,
+            Err(error) => return Err(error),
+        };
+        let aside = free_name(path);
+        fs::rename(path, &aside).map_err(|why| SessionsError::Io {
+            path: path.to_owned(),
+            why,
+        })?;
+        let said = format!(
+            "{damage}; it is kept as {}, and who trained until now, and when, is not recorded any more",
+            aside.display()
+        );
+        Ok((Self::new(path), Some(said)))
     }
 
     /// The sessions, oldest first.
@@ -189,6 +254,18 @@ impl Sessions {
     }
 }
 
+/// A name beside `path` that nothing has yet.
+fn free_name(path: &Path) -> PathBuf {
+    let mut number = 1;
+    loop {
+        let name = path.with_extension(format!("damaged-{number}.toml"));
+        if name.symlink_metadata().is_err() {
+            return name;
+        }
+        number += 1;
+    }
+}
+
 /// Processor, number of its cores, and system.
 pub fn machine() -> String {
     let information = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -223,6 +300,16 @@ fn date(days: u64) -> (u64, u64, u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_wrong_is_said_in_few_words() {
+        let long = format!("[[session]]\nseed = \"{}\"\n", "9".repeat(100_000));
+        for text in [long.as_str(), "session = 1e308", "[[session]]\nseconds = 1"] {
+            let why = Record::parse(text.as_bytes()).unwrap_err();
+            assert!(!why.is_empty() && why.len() <= LONGEST_WHY, "{why}");
+        }
+        assert!(Record::parse(b"").unwrap().session.is_empty());
+    }
 
     #[test]
     fn dates_are_those_of_the_calendar() {

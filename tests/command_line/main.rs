@@ -8,6 +8,7 @@ mod end_to_end;
 mod export;
 mod guide;
 mod init;
+mod record;
 #[cfg(unix)]
 mod rehearse;
 mod run_folder;

@@ -289,42 +289,6 @@ fn a_lock_that_cannot_be_taken_is_named() {
     );
 }
 
-#[test]
-fn a_run_says_how_it_was_made() {
-    let folder = folder();
-    succeeds(
-        folder.path(),
-        &[
-            &START[..],
-            &["--set", "ppo.clip = 0.1", "--steps", "240", "--threads", "1"],
-        ]
-        .concat(),
-    );
-    succeeds(folder.path(), &[&RESUME[..], &["--threads", "2"]].concat());
-    let described = succeeds(folder.path(), &["inspect", "run"]).out;
-    for part in [
-        "how it was made: in 2 sessions",
-        "omniwalk train tiny.toml --run run --engine lanes --set 'ppo.clip = 0.1' --steps 240 --threads 1",
-        "steps 0 to 240 in",
-        "omniwalk train --resume --run run --steps 480 --threads 2",
-        "steps 240 to 480 in",
-        concat!("omniwalk ", env!("CARGO_PKG_VERSION")),
-        "1 threads, learner ",
-        " cores, ",
-        "seed 1",
-    ] {
-        assert!(described.contains(part), "{part:?} is not in\n{described}");
-    }
-    let record = fs::read_to_string(folder.path().join("run/sessions.toml")).unwrap();
-    let here = folder.path().display().to_string();
-    assert!(!record.contains(&here), "{record}");
-    assert!(
-        succeeds(folder.path(), &["inspect", "run/sessions.toml"])
-            .out
-            .contains("in 2 sessions")
-    );
-}
-
 fn newest(run: &Path) -> Checkpoint {
     Checkpoints::new(run.join("checkpoints"))
         .latest()
