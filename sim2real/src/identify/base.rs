@@ -6,7 +6,7 @@ use omniwalk_env::robot::{Kinematics, Robot};
 
 use crate::recording::{Recording, Samples};
 
-/// Corners of soles that are no higher than this above the lowest stand on the ground, m.
+/// Corners of soles that are hardly higher than this above the lowest stand on the ground, m.
 const STANDING: f64 = 2e-3;
 
 /// The base at an instant. Where it is and how it moves along is not measured: the lowest corners of the soles rest on the ground.
@@ -72,15 +72,17 @@ impl MeasuredBase {
             .flat_map(|foot| foot.corners().map(|own| corner(foot.link, own)))
             .collect();
         let lowest = corners.iter().map(|(z, _)| *z).fold(f64::INFINITY, f64::min);
-        let standing: Vec<&Vector3<f64>> = corners
-            .iter()
-            .filter(|(z, _)| *z <= lowest + STANDING)
-            .map(|(_, velocity)| velocity)
-            .collect();
+        // Without a bound that a corner passes at once, the state is a smooth function of what was measured.
+        let (mut moving, mut standing) = (Vector3::zeros(), 0.0);
+        for (z, velocity) in &corners {
+            let share = 1.0 / (1.0 + ((z - lowest) / STANDING).powi(4));
+            moving += share * velocity;
+            standing += share;
+        }
         start.position = Vector3::new(0.0, 0.0, -lowest);
         start.orientation = self.orientation;
         start.angular_velocity = self.angular_velocity;
-        start.linear_velocity = -standing.iter().copied().sum::<Vector3<f64>>() / standing.len() as f64;
+        start.linear_velocity = -moving / standing;
     }
 }
 

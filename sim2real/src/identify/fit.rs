@@ -4,12 +4,13 @@
 //! autocorrelation come from the same rollouts. Sums have a fixed order: threads change no bit.
 
 use nalgebra::{DMatrix, DVector};
+use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::Robot;
 use rayon::prelude::*;
 
 use super::model::Model;
-use super::rollout;
 use super::scales::Scales;
+use super::starts;
 use super::trial::Trial;
 
 /// Candidates in one rollout: a group of the widest lanes.
@@ -102,6 +103,24 @@ impl Data {
         })
     }
 
+    /// Fits the starts of trials whose base is not held, under `model`.
+    ///
+    /// # Errors
+    /// When an engine does not take the robot.
+    pub fn fit_starts(&mut self, model: &Model) -> Result<(), EngineError> {
+        if !self.is_free() {
+            return Ok(());
+        }
+        let noise = starts::noise(&self.trials, self.weights.len());
+        let robots: Vec<Robot> = self.robots.iter().map(|robot| model.robot(robot)).collect();
+        starts::fit(&mut self.trials, &robots, &noise, self.finer)
+    }
+
+    /// Whether the base is not held.
+    pub fn is_free(&self) -> bool {
+        self.trials.iter().any(|trial| trial.base.is_some())
+    }
+
     /// Predictions of all `models` for every trial: per trial, entry `reading * models + m`.
     fn predict(&self, models: &[Model]) -> Vec<Vec<Vec<f64>>> {
         let tasks: Vec<(usize, &[Model])> = (0..self.trials.len())
@@ -110,7 +129,7 @@ impl Data {
         let run = |&(t, chunk): &(usize, &[Model])| {
             let robots: Vec<Robot> = chunk.iter().map(|model| model.robot(&self.robots[t])).collect();
             // An engine that takes the nominal robot takes all of them.
-            rollout::predict(&self.trials[t], &robots, self.finer)
+            starts::predict(&self.trials[t], &robots, self.finer)
                 .unwrap_or_else(|_| vec![f64::NAN; self.trials[t].readings.len() * chunk.len()])
         };
         let parts: Vec<Vec<f64>> = tasks.par_iter().map(run).collect();
@@ -208,17 +227,14 @@ impl Data {
 
     /// Gradient of `model`'s loss against readings as the simulation has them at half the physics step.
     pub fn pull_of_the_step(&self, model: &Model, scales: &Scales) -> DVector<f64> {
-        let half = Self {
-            finer: 2 * self.finer,
-            ..self.clone()
-        };
-        let predictions = half.predict(std::slice::from_ref(model));
         let mut at = self.clone();
-        for (trial, parts) in at.trials.iter_mut().zip(&predictions) {
-            for (reading, position) in trial.readings.iter_mut().zip(&parts[0]) {
-                reading.position = *position;
+        at.trials.par_iter_mut().zip(&self.robots).for_each(|(trial, robot)| {
+            let half = starts::perfect(trial, &model.robot(robot), 2 * self.finer);
+            let half = half.unwrap_or_else(|_| vec![f64::NAN; trial.readings.len()]);
+            for (reading, position) in trial.readings.iter_mut().zip(half) {
+                reading.position = position;
             }
-        }
+        });
         let (_, slopes) = at.slopes(model, scales);
         sum(&slopes, &|_| true, model.get(scales).len()).0
     }

@@ -4,6 +4,7 @@ use omniwalk_env::effect::{Kind, Table};
 use omniwalk_env::engine::EngineError;
 
 use super::candidates::Ripples;
+use super::contact;
 use super::cross::Folds;
 use super::fit::{Data, total};
 use super::model::{Model, Term};
@@ -38,6 +39,8 @@ pub struct Floor {
     pub sensor: Vec<f64>,
     /// What half the physics step changes.
     pub integration: Vec<f64>,
+    /// What another model of contact changes; 0 where the base is held.
+    pub contact: Vec<f64>,
     /// Spread of repeats, where there are any.
     pub repeats: Vec<Option<f64>>,
     /// Beyond that, what is too little to be an effect that is missing.
@@ -61,6 +64,7 @@ impl Floor {
                 .collect(),
             sensor: dofs.clone().map(|d| noise::sensor(&data.trials, d)).collect(),
             integration: noise::discretisation(data, model)?,
+            contact: contact::floor(data, model)?,
             repeats: dofs.map(|d| noise::repeats(&data.trials, d)).collect(),
             weights: data.weights.clone(),
         })
@@ -68,7 +72,7 @@ impl Floor {
 
     /// Of a degree of freedom, rad or m: what repeats show, else noise and integration.
     pub fn of(&self, d: usize) -> f64 {
-        let own = self.sensor[d].hypot(self.integration[d]);
+        let own = self.sensor[d].hypot(self.integration[d]).hypot(self.contact[d]);
         self.repeats[d].map_or(own, |spread| spread.max(own))
     }
 
@@ -76,6 +80,19 @@ impl Floor {
     pub fn squares(&self, data: &Data) -> f64 {
         let readings = data.trials.iter().flat_map(|trial| &trial.readings);
         readings.map(|r| (self.weights[r.dof] * self.of(r.dof)).powi(2)).sum()
+    }
+
+    /// One over the floor of each degree of freedom: what contact spoils more counts less.
+    pub fn inverse(&self) -> Vec<f64> {
+        (0..self.weights.len()).map(|d| 1.0 / self.of(d)).collect()
+    }
+
+    /// The same floor, weighted by `weights`.
+    pub fn weighted(self, weights: &[f64]) -> Self {
+        Self {
+            weights: weights.to_vec(),
+            ..self
+        }
     }
 
     /// Weighted sum of squares of what is negligible beyond that.

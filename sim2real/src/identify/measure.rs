@@ -7,7 +7,7 @@ use omniwalk_env::robot::{JointKind, Robot};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::rollout;
+use super::starts;
 use super::trial::{Trial, TrialError};
 
 /// Errors of positions: by joint, and over all joints of one unit under `overall`.
@@ -49,7 +49,7 @@ pub fn measure(robot: &Robot, trials: &[Trial], finer: usize) -> Result<Measure,
 pub(super) fn measure_each(robot: &Robot, trials: &[(Robot, &Trial)], finer: usize) -> Result<Measure, EngineError> {
     let predictions: Result<Vec<Vec<f64>>, EngineError> = trials
         .par_iter()
-        .map(|(own, trial)| rollout::predict(trial, std::slice::from_ref(own), finer))
+        .map(|(own, trial)| starts::predict(trial, std::slice::from_ref(own), finer))
         .collect();
     let predictions = predictions?;
     let mut measure = Measure::default();

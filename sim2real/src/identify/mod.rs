@@ -5,15 +5,16 @@
 //!     nominal --refit--> re-tuned --select, cross--> + effects --torque--> what is left, and what it depends on
 //! ```
 //!
-//! A robot whose base is held is followed through whole logs. One that walks freely is only replayed: it is started anew from the
-//! measured state every 0.3 s (multiple shooting), on level ground, with the base as its inertial measurement unit or odometry says and
-//! the lowest corners of its soles at rest on the ground. How fast its joints were is known too coarsely from encoders: the motion of
-//! the trunk makes more of that than of most effects, so nothing is concluded from what is left.
+//! A robot whose base is held is followed through whole logs. One that walks freely is started anew from the measured state every
+//! 0.3 s (multiple shooting), on level ground, with the base as its inertial measurement unit or odometry says and the lowest corners
+//! of its soles at rest on the ground. What nobody measured of these starts is fitted to each stretch and taken out of its residual
+//! ([`starts`]), and so is what another model of ground contact would change ([`contact`]).
 //!
 //! The logs that are held out are asked for after the last choice was made: [`run`] takes a function that opens them.
 
 mod base;
 mod candidates;
+mod contact;
 mod cross;
 mod fit;
 mod information;
@@ -29,6 +30,8 @@ mod rollout;
 mod scales;
 mod select;
 mod split;
+mod starts;
+mod state;
 mod torque;
 mod trial;
 mod write;
@@ -53,6 +56,7 @@ use fit::Data;
 use leftover::{COARSE, Floor, TOO_COARSE};
 use model::{Model, Term};
 use select::{Selection, Selector};
+use split::Split;
 
 /// Why nothing could be identified.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -61,15 +65,6 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Trial(#[from] TrialError),
-    /// The robot walks freely.
-    #[error("robot `{robot}` has a floating base: what its model lacks is found on rigs, arms and robots on a stand")]
-    #[diagnostic(help(
-        "give --stand where the logs are of a robot on a stand; replay compares logs of one that walks"
-    ))]
-    Floating {
-        /// The robot.
-        robot: String,
-    },
     /// An engine does not take the robot.
     #[error(transparent)]
     Engine(#[from] EngineError),
@@ -129,8 +124,9 @@ pub struct Replay {
 pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError> {
     let trials = split::all(robot, logs)?;
     let scales = Scales::new(robot, &trials);
-    let measure = measure(robot, &trials, 1)?;
-    let data = Data::new(robot, trials)?;
+    let mut data = Data::new(robot, trials)?;
+    data.fit_starts(&Model::default())?;
+    let measure = measure(robot, &data.trials, 1)?;
     let root = |moments: &Vec<Moment>| {
         let squares: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
         (squares / moments.len().max(1) as f64).sqrt()
@@ -152,16 +148,14 @@ pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError
 /// [`IdentifyError`]. Logs that cannot carry an answer are no error: the verdict says so.
 pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError> {
     let robot = task.robot;
-    if robot.base == Base::Floating {
-        return Err(IdentifyError::Floating {
-            robot: robot.name.clone(),
-        });
-    }
-    let split = split::split(robot, &task.logs, task.heldout.is_some())?;
+    let mut split = split::split(robot, &task.logs, task.heldout.is_some())?;
     let check = Check::new(&task.logs, robot);
     log(check.to_string().trim_end());
     let mut reasons: Vec<String> = check.refusals.iter().map(ToString::to_string).collect();
     reasons.extend(split::insufficient(robot, &split.fit));
+    if reasons.is_empty() {
+        reasons.extend(leave_disagreed(robot, &mut split, log)?);
+    }
     if !reasons.is_empty() {
         return Ok(Outcome::insufficient(robot, reasons, check));
     }
@@ -197,6 +191,7 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
         Some(open) => split::all(robot, &open()?)?,
         None => split.heldout.clone(),
     };
+    let heldout = split::agreed(robot, heldout)?;
     let with = write::extended(task, &selection, &left, &intervals)?;
     let mut corrected = omniwalk_env::robot::load(&with)?;
     // What walks freely may have been identified on a stand.
@@ -221,6 +216,25 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     )
 }
 
+/// Leaves out what models of contact do not agree about and what is far off; why what is left cannot carry an answer, if so.
+fn leave_disagreed(robot: &Robot, split: &mut Split, log: &dyn Fn(&str)) -> Result<Vec<String>, IdentifyError> {
+    if robot.base != Base::Floating {
+        return Ok(Vec::new());
+    }
+    let all = split.fit.len();
+    split.fit = split::agreed(robot, std::mem::take(&mut split.fit))?;
+    let kept = format!(
+        "models of ground contact agree about {} of {all} stretches",
+        split.fit.len()
+    );
+    log(&kept);
+    let reasons = split::insufficient(robot, &split.fit);
+    Ok(reasons
+        .into_iter()
+        .map(|reason| format!("{kept}; of those, {reason}"))
+        .collect())
+}
+
 /// What was chosen at a physics step.
 struct Choice {
     selection: Selection,
@@ -240,6 +254,11 @@ fn choose(
     // Joints that are measured well count as much as those that are not: each in units of what the re-tuned model leaves.
     data.weights = leftover::weights(data, nominal);
     let mut tuned = data.fit(nominal, scales, &|_| true).model;
+    data.fit_starts(&tuned)?;
+    if data.is_free() {
+        // A finer step is another model of contact too: what the step changes counts as the floor's.
+        return steps(robot, data, scales, folds, log, (&tuned, &[], None));
+    }
     if leftover::is_coarse(data, &tuned, TOO_COARSE)? {
         return fine(robot, data, scales, folds, log, (&tuned, &[], None));
     }
@@ -281,8 +300,12 @@ fn steps(
     (tuned, terms, rivals): From<'_>,
 ) -> Result<Choice, EngineError> {
     data.weights = leftover::weights(data, tuned);
+    let mut floor = Floor::new(data, tuned, scales)?;
+    if data.is_free() {
+        data.weights = floor.inverse();
+        floor = floor.weighted(&data.weights);
+    }
     let data = &*data;
-    let floor = Floor::new(data, tuned, scales)?;
     log(&format!(
         "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",
         leftover::root(data, tuned),
@@ -291,7 +314,9 @@ fn steps(
     ));
     let ripples = |model: &Model| leftover::ripples(data, model, scales);
     // An engine that simulated all of them before does so now.
-    let coarse = |model: &Model| data.finer == 1 && leftover::is_coarse(data, model, TOO_COARSE).unwrap_or(false);
+    let coarse = |model: &Model| {
+        data.finer == 1 && !data.is_free() && leftover::is_coarse(data, model, TOO_COARSE).unwrap_or(false)
+    };
     let selector = Selector {
         robot,
         data,

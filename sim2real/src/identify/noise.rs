@@ -4,7 +4,7 @@ use omniwalk_env::engine::EngineError;
 
 use super::fit::Data;
 use super::model::Model;
-use super::rollout::predict;
+use super::starts::predict;
 use super::trial::Trial;
 
 /// Readings of a window that a cubic is laid through.

@@ -6,10 +6,11 @@ use omniwalk_env::engine::lanes::{Lanes, Simd};
 use omniwalk_env::engine::{Engine, EngineError, Friction, Start, World};
 use omniwalk_env::robot::Robot;
 
+use super::starts;
 use super::trial::{DT, LEAD, Trial, steps};
 
 /// Friction of the ground: what is walked on is not measured, and nothing of a fixed base touches it.
-const GROUND: Friction = Friction {
+pub const GROUND: Friction = Friction {
     tangential: 1.0,
     torsional: 0.01,
     rolling: 0.001,
@@ -26,7 +27,7 @@ pub fn level() -> Simd {
 /// Worlds of one robot each, at a trial's start.
 pub struct Rollout<'a> {
     trial: &'a Trial,
-    engine: Lanes,
+    engine: Box<dyn Engine>,
     actuators: Actuators,
     worlds: usize,
     dofs: usize,
@@ -38,8 +39,28 @@ impl<'a> Rollout<'a> {
     /// # Errors
     /// When an engine does not take the robot.
     pub fn new(trial: &'a Trial, robots: &[Robot], dt: f64) -> Result<Self, EngineError> {
+        let shifts = vec![trial.shift.clone(); robots.len()];
+        Self::shifted(trial, robots, dt, &shifts)
+    }
+
+    /// The same from starts of which each is moved by its own of `shifts`; by nothing where the base is held.
+    ///
+    /// # Errors
+    /// As [`Rollout::new`].
+    pub fn shifted(trial: &'a Trial, robots: &[Robot], dt: f64, shifts: &[Vec<f64>]) -> Result<Self, EngineError> {
+        let engine = Lanes::new(&robots[0], dt, robots.len(), level())?;
+        Ok(Self::on((Box::new(engine), GROUND), trial, robots, dt, shifts))
+    }
+
+    /// The same in any engine, of as many worlds as there are robots, on any ground.
+    pub fn on(
+        (mut engine, ground): (Box<dyn Engine>, Friction),
+        trial: &'a Trial,
+        robots: &[Robot],
+        dt: f64,
+        shifts: &[Vec<f64>],
+    ) -> Self {
         let worlds = robots.len();
-        let mut engine = Lanes::new(&robots[0], dt, worlds, level())?;
         let own: Vec<&Robot> = robots.iter().collect();
         let mut actuators = Actuators::of(&own, dt);
         let dofs = robots[0].dofs.len();
@@ -52,9 +73,10 @@ impl<'a> Rollout<'a> {
                 start.joint_velocities[d] = velocity;
             }
             if let Some(base) = &trial.base {
-                base.place(robot, &mut start);
+                let base = starts::inclined(base, &shifts[w]);
+                starts::moved(&mut start, &shifts[w], |start| base.place(robot, start));
             }
-            engine.reset(w, &start, &World::nominal(robot, GROUND));
+            engine.reset(w, &start, &World::nominal(robot, ground));
             for (d, told) in trial.told.iter().enumerate() {
                 let target = if told.effort { start.joints[d] } else { told.command[0] };
                 actuators.start(d, w, (start.joints[d], start.joint_velocities[d]), target);
@@ -68,13 +90,13 @@ impl<'a> Rollout<'a> {
                 actuators.recall(d, w, told.effort, known, past);
             }
         }
-        Ok(Self {
+        Self {
             trial,
             engine,
             actuators,
             worlds,
             dofs,
-        })
+        }
     }
 
     /// Gives every joint its command for the next step of the trial.
@@ -111,8 +133,8 @@ impl<'a> Rollout<'a> {
     }
 
     /// The engine and the actuators.
-    pub fn parts(&mut self) -> (&Lanes, &mut Actuators) {
-        (&self.engine, &mut self.actuators)
+    pub fn parts(&mut self) -> (&dyn Engine, &mut Actuators) {
+        (&*self.engine, &mut self.actuators)
     }
 }
 
@@ -129,9 +151,13 @@ fn lateness(robot: &Robot, d: usize) -> usize {
 /// # Errors
 /// When an engine does not take the robot.
 pub fn predict(trial: &Trial, robots: &[Robot], finer: usize) -> Result<Vec<f64>, EngineError> {
-    let worlds = robots.len();
-    let mut rollout = Rollout::new(trial, robots, DT / finer as f64)?;
-    let size = robots[0].dofs.len() * worlds;
+    Ok(follow(trial, Rollout::new(trial, robots, DT / finer as f64)?, finer))
+}
+
+/// What the encoders say at every reading of `trial` while `rollout` follows it.
+pub fn follow(trial: &Trial, mut rollout: Rollout<'_>, finer: usize) -> Vec<f64> {
+    let worlds = rollout.worlds;
+    let size = rollout.dofs * worlds;
     let (mut before, mut now) = (vec![0.0; size], vec![0.0; size]);
     let mut out = vec![0.0; trial.readings.len() * worlds];
     let mut next = 0;
@@ -156,5 +182,5 @@ pub fn predict(trial: &Trial, robots: &[Robot], finer: usize) -> Result<Vec<f64>
     for w in (0..worlds).filter(|&w| !rollout.engine.is_finite(w)) {
         out.iter_mut().skip(w).step_by(worlds).for_each(|x| *x = f64::NAN);
     }
-    Ok(out)
+    out
 }

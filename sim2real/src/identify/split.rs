@@ -2,10 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use omniwalk_env::robot::Robot;
+use omniwalk_env::robot::{Base, Robot};
 
-use super::noise;
+use super::fit::Data;
+use super::model::Model;
 use super::trial::{DT, Trial, TrialError};
+use super::{contact, noise};
 use crate::recording::Recording;
 
 /// Shortest time of all logs together, s.
@@ -58,6 +60,24 @@ pub fn split(robot: &Robot, logs: &[Recording], given: bool) -> Result<Split, Tr
     }
     renumber(&mut fit);
     Ok(Split { fit, heldout, note })
+}
+
+/// Leaves those of `trials` that can say something of a robot that walks freely: about which models of contact agree, and which are
+/// not far off as a fall is. All where the base is held. Starts are fitted under the nominal model.
+///
+/// # Errors
+/// When a log is not one of this robot, or an engine does not take the robot.
+pub fn agreed(robot: &Robot, trials: Vec<Trial>) -> Result<Vec<Trial>, super::IdentifyError> {
+    if robot.base != Base::Floating {
+        return Ok(trials);
+    }
+    let mut data = Data::new(robot, trials)?;
+    data.fit_starts(&Model::default())?;
+    contact::keep_agreed(&mut data.trials, &data.robots)?;
+    let mut data = Data::new(robot, data.trials)?;
+    contact::keep_usual(&mut data.trials, &data.robots)?;
+    renumber(&mut data.trials);
+    Ok(data.trials)
 }
 
 /// All of `logs`.

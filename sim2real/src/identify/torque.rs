@@ -4,7 +4,7 @@
 //! with, over time, is the torque the model lacks, slower than the spring's own time.
 
 use omniwalk_env::effect::{Table, Variable};
-use omniwalk_env::engine::{Engine, EngineError};
+use omniwalk_env::engine::EngineError;
 
 use super::fit::Data;
 use super::model::{FEWEST_CYCLES, Model};

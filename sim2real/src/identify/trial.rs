@@ -1,17 +1,17 @@
 //! A log made ready for rollouts: commands by the millisecond, readings to compare with, and where it starts.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
 use omniwalk_env::robot::{Base, Robot};
 
 use super::base::MeasuredBase;
+use super::starts::Starts;
+use super::state::{Near, state};
 use crate::recording::{CommandKind, JointRecord, Recording, Series};
 
 /// Physics step of rollouts, s.
 pub const DT: f64 = 1e-3;
-/// Readings this far on either side tell the state at an instant, s.
-const ABOUT: f64 = 0.03;
 /// Longest delay whose past is known at the start of a rollout, s: it begins this late in the log.
 pub const LEAD: f64 = 0.15;
 
@@ -141,6 +141,13 @@ pub struct Trial {
     pub initial: Vec<Vec<(f64, f64)>>,
     /// The base at the start, where it is not held.
     pub base: Option<MeasuredBase>,
+    /// What the noise of the readings about the start makes of the position (in units of it) and of the velocity (a second) of each
+    /// degree of freedom there.
+    pub spread: Vec<(f64, f64)>,
+    /// By how much rollouts start off the measured state, as [`starts`](super::starts) has it; empty where the base is held.
+    pub shift: Vec<f64>,
+    /// What the start can explain, where the base is not held.
+    pub starts: Option<Arc<Starts>>,
     /// Measured position at every step, linear between readings.
     pub measured: Vec<Vec<f64>>,
     /// What else was measured, by name, at every step; of the joint it was measured at, or of all.
@@ -267,6 +274,12 @@ impl Source<'_> {
             told: joints.iter().map(|joint| told(joint, start, &times)).collect(),
             readings,
             initial: joints.iter().map(|joint| states(&joint.position, start)).collect(),
+            spread: joints
+                .iter()
+                .map(|joint| Near::new(&joint.position, start).spread())
+                .collect(),
+            shift: vec![0.0; base.map_or(0, |_| super::starts::size(joints.len()))],
+            starts: None,
             base,
             measured: joints.iter().map(|j| linear(&j.position, &times)).collect(),
             conditions: conditions
@@ -372,32 +385,6 @@ fn states(series: &Series, start: f64) -> Vec<(f64, f64)> {
     (0..=2 * steps(LEAD))
         .map(|k| state(series, start - LEAD + k as f64 * DT))
         .collect()
-}
-
-/// Position and velocity at `time` by a polynomial through the readings about it (Savitzky and Golay 1964): a cubic where
-/// there are readings enough, less where there are few.
-fn state(series: &Series, time: f64) -> (f64, f64) {
-    let near = |about: f64| {
-        let from = series.time.partition_point(|&t| t < time - about);
-        (from, series.time.partition_point(|&t| t <= time + about))
-    };
-    let (mut from, mut to) = near(ABOUT);
-    if to - from < 5 {
-        let middle = series.time.partition_point(|&t| t < time);
-        from = middle.saturating_sub(3).min(series.len().saturating_sub(5));
-        to = (from + 5).min(series.len());
-    }
-    let (t, q) = (&series.time[from..to], &series.value[from..to]);
-    let span = t.iter().map(|t| (t - time).abs()).fold(0.0, f64::max).max(DT);
-    let order = 3.min(t.len().saturating_sub(2));
-    let powers = DMatrix::from_fn(t.len(), order + 1, |i, j| ((t[i] - time) / span).powi(j as i32));
-    let normal = powers.transpose() * &powers;
-    let right = powers.transpose() * DVector::from_column_slice(q);
-    match normal.cholesky().map(|factor| factor.solve(&right)) {
-        // Two readings give no line worth following.
-        Some(fit) => (fit[0], if order > 0 { fit[1] / span } else { 0.0 }),
-        None => (q[0], 0.0),
-    }
 }
 
 /// Values of `series` at `times`, linear between its own and constant beyond.

@@ -21,7 +21,7 @@ pub type Files = (&'static str, &'static str);
 const RIG: Files = (URDF, TOML);
 
 /// Writes the files of a robot into `folder`.
-fn write(folder: &Path, (urdf, toml): Files) {
+pub fn write(folder: &Path, (urdf, toml): Files) {
     std::fs::write(folder.join("rig.urdf"), urdf).expect("written");
     std::fs::write(folder.join("robot.toml"), toml).expect("written");
 }

@@ -12,6 +12,7 @@ use omniwalk_env::effect::Kind;
 use omniwalk_env::robot::Robot;
 
 use super::candidates::{self, Candidate, Ripples};
+use super::contact;
 use super::cross::{Folds, Gain};
 use super::fit::{Data, Fit, Loss, total};
 use super::model::{Model, Term};
@@ -284,6 +285,17 @@ impl Selector<'_> {
         gain.share >= APART_SHARE && gain.p <= APART && total(worse) > self.floor
     }
 
+    /// Whether what `after` takes is more than another model of ground contact would let it take.
+    fn beyond_contact(&self, before: &Judged, after: &Judged) -> bool {
+        if !self.data.is_free() {
+            return true;
+        }
+        let there = contact::elsewhere(self.data, &before.fit.model);
+        let nothing = total(&there.losses(std::slice::from_ref(&before.fit.model))[0]);
+        let made = nothing - total(&there.fit(&after.fit.model, self.scales, &|_| true).losses);
+        total(&before.fit.losses) - total(&after.fit.losses) > BEYOND_CONTACT * made
+    }
+
     /// The fit with the terms of `model`, which may be known already.
     fn known(&self, steps: &mut Steps, model: &Model) -> Judged {
         let own = terms(model);
@@ -311,6 +323,9 @@ impl Selector<'_> {
 pub fn is_above(loss: f64, floor: f64, negligible: f64) -> bool {
     loss > ABOVE_FLOOR * floor && loss > floor + negligible
 }
+
+/// An effect is none of the ground's when it takes so many times what it would take were nothing missing and the ground another.
+const BEYOND_CONTACT: f64 = 2.0;
 
 /// Numbers of the effects that are fitted.
 fn size(model: &Model) -> usize {

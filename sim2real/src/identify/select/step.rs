@@ -125,7 +125,8 @@ impl Selector<'_> {
         let simpler = good
             .iter()
             .filter(|other| own(other) < own(best) && !self.apart(&other.cross, &best.cross));
-        Some(simpler.min_by_key(|other| own(other)).copied().unwrap_or(best).clone())
+        let best = simpler.min_by_key(|other| own(other)).copied().unwrap_or(best);
+        self.beyond_contact(now, best).then(|| best.clone())
     }
 }
 
