@@ -287,6 +287,37 @@ fn an_evaluation_that_is_not_of_the_newest_policy_is_named() {
 }
 
 #[test]
+fn a_robot_that_cannot_be_read_costs_the_gait_and_no_more() {
+    let folder = tempfile::tempdir().unwrap();
+    learning(folder.path(), 1);
+    walking(folder.path());
+    fs::write(folder.path().join("robot/robot.toml"), b"base = \xff").unwrap();
+    let (code, out, err) = report(&[folder.path()]);
+    assert_eq!(code, 0, "{err}");
+    assert!(one_line(&err).contains("robot.toml"), "{err}");
+    assert!(out.contains("learning.png") && !out.contains("gait.png"), "{out}");
+}
+
+#[test]
+fn damaged_metrics_are_named_and_the_rest_is_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    learning(folder.path(), 1);
+    let path = folder.path().join("metrics.csv");
+    let mut bytes = fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] = 0xff;
+    fs::write(&path, &bytes).unwrap();
+    let (code, out, err) = report(&[folder.path()]);
+    assert_eq!(code, 0, "{err}");
+    assert!(
+        one_line(&err).contains("metrics.csv:") && out.contains("learning.png"),
+        "{err}{out}"
+    );
+    let page = fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert!(page.contains("the curves have a gap there"));
+}
+
+#[test]
 fn a_run_without_a_record_does_not_guess_who_trained_it() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");

@@ -46,6 +46,10 @@ pub fn run(args: &Args) -> miette::Result<()> {
     let (defaults, _) = load::settings(None, &[])?;
     let draft = draft(&args.urdf, &folder, &defaults.env)?;
     write(&draft, &args.urdf, &folder)
+        .inspect_err(|_| {
+            // Half of it would be in the way of the next attempt.
+            let _ = std::fs::remove_dir_all(&folder);
+        })
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot write {}", folder.display()))?;
     for note in &draft.notes {

@@ -33,6 +33,13 @@ pub fn settings(file: Option<&Path>, changes: &[String]) -> Result<(Settings, St
 
 /// The robot at `path`.
 pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
+    if path.is_relative() && !path.exists() {
+        return Err(miette!(
+            help = "give a robot's folder, with its .urdf and robot.toml, or a .urdf file; it is looked for from where omniwalk is started",
+            "{}: does not exist",
+            path.display()
+        ));
+    }
     Ok(Arc::new(robot::load(path)?))
 }
 

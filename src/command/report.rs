@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Result, WrapErr};
 
+use crate::complaint::plain;
 use crate::files;
 use crate::report::canvas::Canvas;
 use crate::report::curves::Curves;
@@ -79,8 +80,13 @@ fn motion_pictures(subject: &Subject) -> Result<Vec<(&'static str, Canvas)>> {
     if logs.is_empty() {
         return Ok(Vec::new());
     }
-    let Some(robot) = subject.robot().transpose()? else {
-        return Ok(Vec::new());
+    let robot = match subject.robot() {
+        Some(Ok(robot)) => robot,
+        Some(Err(error)) => {
+            tell(format_args!("warning: no gait is drawn: {}", plain(&error)));
+            return Ok(Vec::new());
+        }
+        None => return Ok(Vec::new()),
     };
     let mut fastest: Option<Motion> = None;
     for log in logs {

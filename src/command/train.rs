@@ -1,5 +1,6 @@
 //! `omniwalk train`.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
@@ -200,9 +201,11 @@ impl Session {
         if let Some(damage) = damage {
             tell(format_args!("warning: {damage}"));
         }
-        if step > 0 && !run.metrics().exists() {
+        let rows = fs::metadata(run.metrics()).map(|metrics| metrics.len());
+        if step > 0 && matches!(rows, Err(_) | Ok(0)) {
+            let how = if rows.is_ok() { "empty" } else { "gone" };
             tell(format_args!(
-                "warning: {} is gone: it begins anew, the curves before step {step} are lost",
+                "warning: {} is {how}: it begins anew, the curves before step {step} are lost",
                 run.metrics().display()
             ));
         }

@@ -21,7 +21,7 @@ pub(super) fn text(robot: &Robot, folder: &Path) -> String {
     format!(
         "# A first training of {name}: the defaults, scaled from a robot of 19 kg whose centre of mass is 0.63 m high to\n\
          # one of {mass:.1} kg and {height:.2} m. Lengths as the height, times and speeds as its root, forces as the weight.\n\
-         # `omniwalk inspect` lists every other key.\n\n\
+         # The config.toml of its run has every other key. `path` is seen from where omniwalk is started.\n\n\
          [robot]\npath = {path}\n\n\
          [command]\nlower = [{back}, {back}, {right}]\nupper = [{speed}, {speed}, {turn}]\n\n\
          [clock]\nperiod = {period}\n\n\

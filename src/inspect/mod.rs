@@ -208,6 +208,9 @@ fn picture(path: &Path) -> Result<String, InspectError> {
 
 fn metrics(metrics: &Metrics) -> String {
     let mut text = format!("metrics: {} rows of {} columns\n", metrics.rows, metrics.columns.len());
+    if let Some(damage) = metrics.damage() {
+        text += &format!("  {damage}\n");
+    }
     let Some((step, values)) = &metrics.last else {
         return text;
     };

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use miette::Report;
 
-use super::{config, metrics};
+use super::{config, evaluation, metrics};
+use crate::complaint::plain;
 use crate::config::Layers;
 use crate::run::RunFolder;
 use crate::run::events::event_files;
@@ -26,9 +27,19 @@ pub(super) fn describe(path: &Path, defaults: &Layers) -> Result<String, Report>
             "how it was made: not known, its record is damaged\n".to_owned()
         }
     };
-    match run.metrics().exists() {
-        true => text += &metrics(&Metrics::read(&run.metrics())?),
-        false => text += "metrics: none yet\n",
+    text += &match run.metrics().exists().then(|| Metrics::read(&run.metrics())) {
+        Some(Ok(read)) => metrics(&read),
+        Some(Err(error)) => {
+            tell(format_args!("warning: {error}"));
+            "metrics: not known, their file is damaged\n".to_owned()
+        }
+        None => "metrics: none yet\n".to_owned(),
+    };
+    let judged = path.join("eval.json");
+    match judged.exists().then(|| evaluation::describe(&judged)) {
+        Some(Ok(_)) => text += "evaluation: eval.json\n",
+        Some(Err(error)) => tell(format_args!("warning: {}", plain(&error.into()))),
+        None => {}
     }
     let checkpoints = run.checkpoints();
     text += &format!("checkpoints: {}\n", checkpoints.list().len());

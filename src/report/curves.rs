@@ -18,6 +18,8 @@ pub struct Curves {
     rows: usize,
     /// What numbers the updates of the rows have.
     numbered: Numbered,
+    /// What of the file was left out.
+    pub damage: Option<String>,
 }
 
 /// Numbers of the updates in the first row and in the last, and how many rows follow the first.
@@ -56,6 +58,7 @@ impl Curves {
                 curves.numbered.note(number.copied().unwrap_or(f64::NAN), metrics.rows);
             }
         })?;
+        curves.damage = metrics.damage();
         curves.columns = metrics.columns;
         Ok(curves)
     }

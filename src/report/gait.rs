@@ -106,13 +106,14 @@ impl View<'_> {
 
     fn soles(&self) -> Panel<'static> {
         let mut panel = self.in_window("height of the lowest sole corner, mm");
+        panel.below = "time, s";
         for (foot, about) in self.robot.feet.iter().enumerate() {
             let points = self.points(|frame| 1000.0 * frame.soles[foot]);
             panel.lines.push(line(&of_foot(&about.name), foot, points));
         }
         let threshold = 1000.0 * CONTACT_HEIGHT;
         panel.lines.push(Line {
-            name: "contact".to_owned(),
+            name: "in contact below".to_owned(),
             colour: GREY,
             width: 2,
             points: vec![(self.start, threshold), (self.end, threshold)],
@@ -157,11 +158,23 @@ impl View<'_> {
     fn phase(&self, hip: usize, knee: usize) -> Panel<'static> {
         let point = |frame: &Frame| (frame.positions[hip], frame.positions[knee]);
         let points: Vec<_> = self.motion.frames.iter().map(point).collect();
+        let range = |axis: fn(&(f64, f64)) -> f64| {
+            let (low, high) = points
+                .iter()
+                .map(axis)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                    (low.min(x), high.max(x))
+                });
+            low - 0.05..high + 0.05
+        };
+        let (x, y) = (range(|(x, _)| *x), range(|(_, y)| *y));
         let mut path = coloured("", COLOURS[0], points);
         path.width = 1;
         Panel {
             title: "knee over hip pitch, rad",
             below: "hip pitch, rad",
+            x: Some(x),
+            y: Some(y),
             lines: vec![path],
             ..Panel::default()
         }

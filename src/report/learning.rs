@@ -12,36 +12,48 @@ const PANEL: (u32, u32) = (420, 190);
 /// Height of the title, pixels.
 const HEAD: u32 = 76;
 
-/// Column of the metrics, its title, and whether its axis counts powers of ten.
-const PANELS: [(&str, &str, bool); 28] = [
-    ("reward/total", "reward, all terms", false),
-    ("reward/velocity", "reward for velocity", false),
-    ("reward/foot", "reward for feet", false),
-    ("reward/pose", "reward for pose", false),
-    ("reward/alive", "reward for being alive", false),
-    ("reward/action_rate", "reward for calm actions", false),
-    ("reward/slip", "reward for slip", false),
-    ("episode/steps", "episode length, control steps", false),
-    ("episode/fallen", "share of episodes that fell", false),
-    ("episode/leg_overlap", "share ended by leg overlap", false),
-    ("tracking/error_xy_mps", "velocity error, m/s", false),
-    ("tracking/error_yaw_radps", "turning error, rad/s", false),
-    ("gait/touchdowns_per_second", "touchdowns a second", false),
-    ("gait/alternation", "touchdowns that alternate, share", false),
-    ("gait/air_time_s", "air time of a swing, s", false),
-    ("gait/clearance_m", "clearance, m", false),
-    ("gait/slip_mps", "slip of loaded soles, m/s", false),
-    ("curriculum/level", "curriculum level", false),
-    ("curriculum/upper_x", "bound of commands forward, m/s", false),
-    ("curriculum/lower_x", "bound of commands backward, m/s", false),
-    ("curriculum/upper_y", "bound of commands to the left, m/s", false),
-    ("curriculum/lower_y", "bound of commands to the right, m/s", false),
-    ("curriculum/upper_yaw", "bound of turning left, rad/s", false),
-    ("curriculum/lower_yaw", "bound of turning right, rad/s", false),
-    ("curriculum/velocity_factor", "curriculum factor C_v", false),
-    ("curriculum/foot_factor", "curriculum factor C_foot", false),
-    ("ppo/kl", "KL divergence of an update", false),
-    ("ppo/learning_rate", "learning rate", true),
+/// Columns of the metrics, their title, and whether the axis counts powers of ten.
+const PANELS: [(&[&str], &str, bool); 28] = [
+    (&["reward/total"], "reward a second, all terms", false),
+    (&["reward/velocity"], "reward a second for velocity", false),
+    (&["reward/foot"], "reward a second for feet", false),
+    (&["reward/pose"], "reward a second for pose", false),
+    (&["reward/alive"], "reward a second for being alive", false),
+    (&["reward/action_rate"], "reward a second for calm actions", false),
+    (&["reward/slip"], "reward a second for slip", false),
+    (&["episode/steps"], "episode length, control steps", false),
+    (&["episode/fallen"], "share of episodes ended by a fall", false),
+    (&["episode/leg_overlap"], "share ended by crossed legs", false),
+    (&["tracking/error_xy_mps"], "velocity error, m/s", false),
+    (&["tracking/error_yaw_radps"], "turning error, rad/s", false),
+    (&["gait/touchdowns_per_second"], "touchdowns a second", false),
+    (&["gait/alternation"], "touchdowns that alternate, share", false),
+    (&["gait/air_time_s"], "air time of a swing, s", false),
+    (&["gait/clearance_m"], "clearance, m", false),
+    (&["gait/slip_mps"], "slip of loaded soles, m/s", false),
+    (&["curriculum/level"], "curriculum level", false),
+    (
+        &["curriculum/lower_x", "curriculum/upper_x"],
+        "commands forward, from and to, m/s",
+        false,
+    ),
+    (
+        &["curriculum/lower_y", "curriculum/upper_y"],
+        "commands to the left, from and to, m/s",
+        false,
+    ),
+    (
+        &["curriculum/lower_yaw", "curriculum/upper_yaw"],
+        "commands to turn left, from and to, rad/s",
+        false,
+    ),
+    (&["curriculum/velocity_factor"], "curriculum factor C_v", false),
+    (&["curriculum/foot_factor"], "curriculum factor C_foot", false),
+    (&["ppo/kl"], "KL divergence of an update, nats", false),
+    (&["ppo/entropy"], "entropy of the actions, nats", false),
+    (&["ppo/value_loss"], "loss of the critic", false),
+    (&["ppo/explained_variance"], "returns the critic explains, share", false),
+    (&["ppo/learning_rate"], "learning rate", true),
 ];
 
 /// Draws the learning curves of `runs`. Quantities that are zero or missing in all of them get no panel.
@@ -82,23 +94,23 @@ fn points(runs: &[Curves]) -> String {
     }
 }
 
-fn panel<'a>(&(column, title, logarithmic): &(&str, &'a str, bool), runs: &[Curves], end: f64) -> Option<Panel<'a>> {
-    let line = |(i, run): (usize, &Curves)| {
-        let mut points = run.column(column);
+fn panel<'a>(
+    &(columns, title, logarithmic): &(&[&str], &'a str, bool),
+    runs: &[Curves],
+    end: f64,
+) -> Option<Panel<'a>> {
+    let line = |i: usize, column: &str| {
+        let mut points = runs[i].column(column);
         if logarithmic {
             points.iter_mut().for_each(|(_, y)| *y = y.log10());
         }
-        Line {
-            name: String::new(),
-            colour: colour(i),
-            width: 3,
-            points,
-        }
+        Line::new("", colour(i), 3, points)
     };
-    let lines: Vec<Line> = runs.iter().enumerate().map(line).collect();
+    let of_run = |i| columns.iter().map(move |column| line(i, column));
+    let lines: Vec<Line> = (0..runs.len()).flat_map(of_run).collect();
     // What ended episodes, and what did not.
     let ends = ["episode/fallen", "episode/leg_overlap"];
-    let worth = if ends.contains(&column) {
+    let worth = if ends.contains(&columns[0]) {
         runs.iter()
             .any(|run| ends.iter().any(|end| is_something(&run.column(end))))
     } else {
@@ -162,7 +174,7 @@ mod tests {
         };
         assert_eq!(
             titles(1.0),
-            ["share of episodes that fell", "share ended by leg overlap"]
+            ["share of episodes ended by a fall", "share ended by crossed legs"]
         );
         assert!(titles(0.0).is_empty());
     }

@@ -1,10 +1,10 @@
-//! `load.png`: what a rollout asks of the joints of a leg: torque over speed, with what the servo can do.
+//! `load.png`: what a rollout asks of the joints: torque over speed, with what the servo can do.
 
 use omniwalk_env::robot::{Actuator, Joint, Robot};
 
 use super::ReportError;
 use super::canvas::{COLOURS, Canvas, GREY, INK, px, text, write};
-use super::motion::{Motion, leg};
+use super::motion::Motion;
 use super::plot::{Line, Panel};
 
 /// Panels side by side.
@@ -14,13 +14,12 @@ const PANEL: (u32, u32) = (420, 250);
 /// Height of the title, pixels.
 const HEAD: u32 = 76;
 
-/// Draws the joints of the first foot's leg in `motion`, an episode of `robot`; `None` where the log has no torques.
+/// Draws the joints with a motor in `motion`, an episode of `robot`; `None` where the log has no torques.
 ///
 /// # Errors
 /// [`ReportError::Draw`].
 pub fn draw(motion: &Motion, robot: &Robot) -> Result<Option<Canvas>, ReportError> {
-    let panels: Vec<Panel<'_>> = leg(robot)
-        .into_iter()
+    let panels: Vec<Panel<'_>> = (0..robot.dofs.len())
         .filter_map(|dof| panel(motion, robot.dof(dof), dof))
         .collect();
     if panels.is_empty() {
@@ -32,7 +31,7 @@ pub fn draw(motion: &Motion, robot: &Robot) -> Result<Option<Canvas>, ReportErro
         let (head, cells) = area.split_vertically(px(HEAD as i32));
         write(
             &head,
-            "Torque over speed of a leg's joints",
+            "Torque over speed of the joints",
             &text(24, INK),
             (px(12), px(8)),
         )?;

@@ -19,6 +19,7 @@ use crate::files;
 use crate::run::sessions::{Session, Sessions};
 use crate::run::{MAX_CONFIG_BYTES, RunFolder};
 use crate::terminal::{quoted, tell};
+use crate::train::shape::Shape;
 
 /// Name of an evaluation's file.
 const EVALUATION: &str = "eval.json";
@@ -85,8 +86,16 @@ impl Subject {
         let folder = run.path().file_name();
         let folder = folder.map_or(shown.clone(), |name| name.to_string_lossy().into_owned());
         let name = seed.map_or(folder.clone(), |seed| format!("{folder} (seed {seed})"));
-        let curves = curves(&run, &name)?;
         let path = run.path().join(EVALUATION);
+        let curves = match curves(&run, &name) {
+            // What can be drawn without them is.
+            Err(error) if path.exists() => {
+                warnings.push(told(&error));
+                None
+            }
+            curves => curves?,
+        };
+        warnings.extend(curves.as_ref().and_then(|curves| curves.damage.clone()).inspect(warn));
         let read = path.exists().then(|| Evaluation::load(&path)).transpose();
         let (eval, evaluation) = match read {
             Ok(read) => read.unzip(),
@@ -99,9 +108,14 @@ impl Subject {
         if curves.is_none() && evaluation.is_none() {
             return Err(miette!("{} holds no metrics yet", run.path().display()));
         }
+        warnings.extend(edited(&run));
         warnings.extend(outdated(&run, curves.as_ref(), evaluation.as_ref()));
         if curves.is_some() {
-            warnings.extend(health::warnings(&run.metrics(), joints(&run)?)?);
+            let joints = joints(&run).unwrap_or_else(|error| {
+                warnings.push(told(&error));
+                None
+            });
+            warnings.extend(health::warnings(&run.metrics(), joints)?);
         }
         let (sessions, unrecorded) = sessions(&run);
         let mut commands: Vec<String> = sessions.iter().map(Session::command).collect();
@@ -193,10 +207,14 @@ impl Subject {
     }
 }
 
+fn warn(said: &String) {
+    tell(format_args!("warning: {said}"));
+}
+
 /// Tells the error as a warning, and gives it as one line for the page.
 fn told(error: &miette::Report) -> String {
     let said = plain(error);
-    tell(format_args!("warning: {said}"));
+    warn(&said);
     said.replace("\n ", ";")
 }
 
@@ -239,6 +257,15 @@ fn sessions(run: &RunFolder) -> (Vec<Session>, Option<String>) {
 fn joints(run: &RunFolder) -> Result<Option<usize>> {
     let robot = run.robot().is_dir().then(|| load::robot(&run.robot())).transpose()?;
     Ok(robot.map(|robot| robot.policy.len()))
+}
+
+/// Says that the robot or the configuration are not those that the newest checkpoint was trained with.
+fn edited(run: &RunFolder) -> Option<String> {
+    let (settings, _) = load::settings(Some(&run.config()), &[]).ok()?;
+    let latest = run.checkpoints().latest().ok()??;
+    let shape = Shape::new(&settings, &run.robot()).ok()?;
+    let error = shape.check(&latest.checkpoint).err()?;
+    Some(told(&error.into()))
 }
 
 /// Says that the evaluation is not of the newest policy.

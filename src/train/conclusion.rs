@@ -22,11 +22,12 @@ pub struct Conclusion {
     next: Vec<(&'static str, String)>,
 }
 
-/// The newest episodes: how long, how many fell, how well they held the command, how they stepped. NaN where nothing was measured.
+/// The newest episodes: how long, how many fell or crossed their legs, how well they held the command, how they stepped. NaN where nothing was measured.
 #[derive(Debug)]
 struct Learned {
     episode_s: f64,
     fallen: f64,
+    leg_overlap: f64,
     error_xy_mps: f64,
     error_yaw_radps: f64,
     alternation: f64,
@@ -58,6 +59,7 @@ impl Conclusion {
             "checkpoint": self.checkpoint,
             "episode_s": self.learned.episode_s,
             "fallen": self.learned.fallen,
+            "leg_overlap": self.learned.leg_overlap,
             "error_xy_mps": self.learned.error_xy_mps,
             "error_yaw_radps": self.learned.error_yaw_radps,
             "alternation": self.learned.alternation,
@@ -94,7 +96,8 @@ impl Learned {
         let steps = window.mean(|episode| Some(f64::from(episode.steps)));
         Self {
             episode_s: steps * trainer.batch().shared().config.control_dt(),
-            fallen: window.share(End::Fallen) + window.share(End::Overlap),
+            fallen: window.share(End::Fallen),
+            leg_overlap: window.share(End::Overlap),
             error_xy_mps: tracking(|tracking| tracking.error_xy_mps),
             error_yaw_radps: tracking(|tracking| tracking.error_yaw_radps),
             alternation: window.mean(|episode| Some(episode.gait.alternation)),
@@ -105,9 +108,10 @@ impl Learned {
 impl Display for Learned {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let text = format!(
-            "newest episodes: {:.1} s long, {:.0} % fell, error {:.2} m/s and {:.2} rad/s, {:.0} % of touchdowns alternate",
+            "newest episodes: {:.1} s long, {:.0} % fell, {:.0} % crossed legs, error {:.2} m/s and {:.2} rad/s, {:.0} % of touchdowns alternate",
             self.episode_s,
             100.0 * self.fallen,
+            100.0 * self.leg_overlap,
             self.error_xy_mps,
             self.error_yaw_radps,
             100.0 * self.alternation,

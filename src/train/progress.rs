@@ -152,7 +152,7 @@ fn line(figure: &impl Fn(&str) -> f64, left: Duration, symptom: Option<&str>) ->
     let terms = terms.iter().filter(|(_, value)| *value != 0.0);
     let terms: Vec<String> = terms.map(|(name, value)| format!("{name} {value:.1}")).collect();
     format!(
-        "{:.2} M steps, {:.0}/s (physics {:.0} %, inference {:.0} %, update {:.0} %) | reward/s {:.1}: {} | episode {:.0}, falls {:.0} % | error {:.2} m/s | gait {:.1}/s, alternating {:.0} %, air {:.2} s | \
+        "{:.2} M steps, {:.0}/s (physics {:.0} %, inference {:.0} %, update {:.0} %) | reward/s {:.1}: {} | episode {:.0}, {:.0} % fell, {:.0} % crossed legs | error {:.2} m/s | gait {:.1}/s, alternating {:.0} %, air {:.2} s | \
          level {:.2} C_v {:.2} C_foot {:.2} | {} left",
         figure("steps") * 1e-6,
         figure("steps_per_second"),
@@ -162,7 +162,8 @@ fn line(figure: &impl Fn(&str) -> f64, left: Duration, symptom: Option<&str>) ->
         figure("reward/total"),
         terms.join(" "),
         figure("episode/steps"),
-        100.0 * (figure("episode/fallen") + figure("episode/leg_overlap")),
+        100.0 * figure("episode/fallen"),
+        100.0 * figure("episode/leg_overlap"),
         figure("tracking/error_xy_mps"),
         figure("gait/touchdowns_per_second"),
         100.0 * figure("gait/alternation"),

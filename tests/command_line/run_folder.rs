@@ -197,7 +197,14 @@ fn a_run_that_comes_apart_says_so_at_once() {
     let objects: Vec<_> = objects.map(|object| object.expect("an object a line")).collect();
     let end = objects.last().expect("lines");
     assert_eq!(end["finished"], 480, "{json}");
-    for figure in ["episode_s", "fallen", "error_xy_mps", "error_yaw_radps", "alternation"] {
+    for figure in [
+        "episode_s",
+        "fallen",
+        "leg_overlap",
+        "error_xy_mps",
+        "error_yaw_radps",
+        "alternation",
+    ] {
         assert!(end.get(figure).is_some(), "{figure} is not in {end}");
     }
     assert_eq!(end["next"][1], "omniwalk eval run");
@@ -218,7 +225,7 @@ fn rows_of_metrics_that_are_damaged_are_left_out_with_a_warning() {
     fs::write(&path, text.replace(row, &format!("{row},,"))).unwrap();
     let resumed = succeeds(folder.path(), &RESUME);
     let line = text.lines().count();
-    let says = format!("run/metrics.csv:{line}: damaged; 1 such row left out");
+    let says = format!("run/metrics.csv:{line}: this row has another number of cells");
     assert!(resumed.message().contains(&says), "{}", resumed.err);
     let refused = |header: &str, says: &str| {
         fs::write(&path, format!("{header}\n")).unwrap();
@@ -244,6 +251,12 @@ fn metrics_that_are_gone_are_missed() {
     let resumed = succeeds(folder.path(), &RESUME);
     assert!(resumed.message().contains("run/metrics.csv is gone"), "{}", resumed.err);
     assert!(state(&folder.path().join("run")) == undisturbed());
+    fs::write(folder.path().join("run/metrics.csv"), "").unwrap();
+    fs::write(folder.path().join("run/sessions.toml"), "").unwrap();
+    let emptied = succeeds(folder.path(), &[&RESUME[..4], &["--steps", "600"]].concat());
+    for says in ["run/metrics.csv is empty", "sessions.damaged-1.toml"] {
+        assert!(emptied.message().contains(says), "{}", emptied.err);
+    }
 }
 
 #[cfg(unix)]
