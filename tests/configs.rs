@@ -33,7 +33,7 @@ fn every_configuration_of_the_project_loads() {
 }
 
 /// Every value that chapter 7 states: key, value, section.
-const STATED: [(&str, &str, &str); 64] = [
+const STATED: [(&str, &str, &str); 65] = [
     ("engine.physics_hz", "1000", "7.5"),
     ("engine.control_hz", "40", "7.5"),
     ("action.law", "\"increment_on_measured\"", "7.3.2"),
@@ -59,6 +59,7 @@ const STATED: [(&str, &str, &str); 64] = [
     ("reward.clock_swing", "false", "7.3.3: by height"),
     ("reward.action_rate_weight", "0.0", "7.8: four terms"),
     ("reward.slip_weight", "0.0", "7.8: four terms"),
+    ("reward.tap_weight", "0.0", "7.8: four terms"),
     ("noise.enabled", "true", "7.4"),
     ("noise.gyro", "1e-4", "7.5"),
     ("noise.accelerometer", "1e-4", "7.5"),

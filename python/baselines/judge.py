@@ -30,7 +30,7 @@ class Judge:
         self.nominal, self.dt = nominal, 1.0 / config["engine"]["control_hz"]
         self.lowest = task["min_height"] * height
         self.tilt = math.sin(task["max_roll"]), math.sin(task["max_pitch"])
-        needed = {"action_rate_weight": 0.0, "clock_swing": True, "commanded_heading": True, "pose_joints": ["*"]}
+        needed = {"action_rate_weight": 0.0, "tap_weight": 0.0, "clock_swing": True, "commanded_heading": True, "pose_joints": ["*"]}
         others = {key: self.reward[key] for key, value in needed.items() if self.reward[key] != value}
         if others:
             raise ValueError(f"the reward is written for {needed}, not for {others}")

@@ -54,6 +54,7 @@ VARIANTS = {
     "frame-heading": ("ours: inertial term along the commanded heading", None, {"reward.commanded_heading": False}),
     "no-velocity-filter": ("ours: low-pass in the velocity term", None, {"reward.velocity_filter": 0.0}),
     "no-slip-term": ("ours: slip penalty", None, {"reward.slip_weight": 0.0}),
+    "no-tap-term": ("ours: a price on touchdowns that do not alternate", None, {"reward.tap_weight": 0.0}),
     "no-pushes": ("ours: pushes", None, {"push.enabled": False}),
     "no-mass-randomisation": ("ours: masses and centre of mass varied", None, {"randomise.mass": 0.0, "randomise.centre_of_mass": 0.0}),
     "no-margin": ("ours: legs kept apart while training", None, {"task.overlap_margin": 0.0}),

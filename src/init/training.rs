@@ -40,7 +40,7 @@ pub(super) fn text(robot: &Robot, folder: &Path) -> String {
         hysteresis = round(0.01 * length),
         filter = round(0.5 * time),
         centre = round(0.02 * length),
-        push = round(80.0 * force),
+        push = round(90.0 * force),
         core = round(0.3 * time),
     )
 }

@@ -21,7 +21,7 @@ pub fn figures(trainer: &Trainer, report: &Report) -> Vec<Figure> {
 }
 
 /// Names of [`figures`], in order.
-pub const NAMES: [&str; 60] = [
+pub const NAMES: [&str; 62] = [
     "update",
     "seconds",
     "steps_per_second",
@@ -34,6 +34,7 @@ pub const NAMES: [&str; 60] = [
     "reward/foot",
     "reward/action_rate",
     "reward/slip",
+    "reward/tap",
     "reward/total",
     "episode/return",
     "return/velocity",
@@ -42,6 +43,7 @@ pub const NAMES: [&str; 60] = [
     "return/foot",
     "return/action_rate",
     "return/slip",
+    "return/tap",
     "episode/steps",
     "episode/fallen",
     "episode/leg_overlap",
@@ -106,6 +108,7 @@ fn episodes(trainer: &Trainer, report: &Report) -> Vec<Figure> {
         ("reward/foot", terms.foot),
         ("reward/action_rate", terms.action_rate),
         ("reward/slip", terms.slip),
+        ("reward/tap", terms.tap),
         ("reward/total", terms.total()),
         ("episode/return", window.mean(|e| Some(e.terms.total()))),
         ("return/velocity", window.mean(|e| Some(e.terms.velocity))),
@@ -114,6 +117,7 @@ fn episodes(trainer: &Trainer, report: &Report) -> Vec<Figure> {
         ("return/foot", window.mean(|e| Some(e.terms.foot))),
         ("return/action_rate", window.mean(|e| Some(e.terms.action_rate))),
         ("return/slip", window.mean(|e| Some(e.terms.slip))),
+        ("return/tap", window.mean(|e| Some(e.terms.tap))),
         ("episode/steps", window.mean(|e| Some(f64::from(e.steps)))),
         ("episode/fallen", window.share(End::Fallen)),
         ("episode/leg_overlap", window.share(End::Overlap)),

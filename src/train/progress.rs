@@ -19,13 +19,14 @@ pub enum LogFormat {
 }
 
 /// The reward's terms and what a line calls them.
-const TERMS: [(&str, &str); 6] = [
+const TERMS: [(&str, &str); 7] = [
     ("velocity", "v"),
     ("pose", "pose"),
     ("alive", "alive"),
     ("foot", "foot"),
     ("action_rate", "calm"),
     ("slip", "slip"),
+    ("tap", "tap"),
 ];
 
 /// Seconds between lines when the output is no terminal.

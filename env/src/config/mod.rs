@@ -219,6 +219,8 @@ pub struct RewardConfig {
     pub action_rate_weight: f64,
     /// Weight of the penalty on the horizontal speed of a loaded foot, per (m/s)^2.
     pub slip_weight: f64,
+    /// Price of a touchdown of the foot that touched down last, too.
+    pub tap_weight: f64,
 }
 
 /// Section `[noise]`: standard deviations of the sensors (thesis 7.5).

@@ -153,6 +153,7 @@ impl EnvConfig {
             (r.swing_hysteresis, "reward.swing_hysteresis"),
             (r.action_rate_weight, "reward.action_rate_weight"),
             (r.slip_weight, "reward.slip_weight"),
+            (r.tap_weight, "reward.tap_weight"),
         ] {
             not_negative(require, value, key);
         }

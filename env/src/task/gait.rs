@@ -19,6 +19,8 @@ pub struct GaitMeter {
     last_touchdown: Option<usize>,
     counted: u32,
     alternating: u32,
+    /// Touchdowns that do not alternate: of the control step that is over, and so far.
+    taps: [u32; 2],
     time: f64,
     double_support: f64,
     flight: f64,
@@ -95,6 +97,7 @@ impl GaitMeter {
             last_touchdown: None,
             counted: 0,
             alternating: 0,
+            taps: [0; 2],
             time: 0.0,
             double_support: 0.0,
             flight: 0.0,
@@ -168,6 +171,8 @@ impl GaitMeter {
             }
             foot.loaded = true;
         }
+        let taps = self.counted - self.alternating;
+        self.taps = [taps - self.taps[1], taps];
         self.time += dt;
         self.double_support += if contacts >= 2 { dt } else { 0.0 };
         self.flight += if contacts == 0 { dt } else { 0.0 };
@@ -181,6 +186,11 @@ impl GaitMeter {
             .filter(|foot| foot.contact)
             .map(|foot| foot.speed * foot.speed)
             .sum()
+    }
+
+    /// Touchdowns in the last control step of feet that had been the last to touch down, too.
+    pub fn taps(&self) -> u32 {
+        self.taps[0]
     }
 
     /// Whether foot `i` is in contact.
@@ -254,6 +264,24 @@ mod tests {
         assert!((gait.air_time_s - 0.4).abs() < 0.011, "{gait:?}");
         assert!((gait.clearance_m - 0.05).abs() < 0.001, "{gait:?}");
         assert!((gait.slip_mps - 0.05).abs() < 1e-9, "{gait:?}");
+    }
+
+    #[test]
+    fn a_foot_that_touches_down_twice_in_a_row_taps_once_in_the_control_step_of_the_second() {
+        let mut meter = GaitMeter::new(2, 100.0);
+        meter.reset(&[Sole::default(); 2]);
+        // The left foot is on the ground where the bit is set, one control step of 25 ms each; the right one never.
+        let taps: Vec<u32> = [1, 0, 1, 1, 0, 1, 1]
+            .into_iter()
+            .map(|on| {
+                (0..5).for_each(|_| meter.force(0, 100.0 * f64::from(on), 0.005));
+                meter.force(1, 0.0, 0.025);
+                meter.soles(&[Sole::default(); 2], 0.025);
+                meter.taps()
+            })
+            .collect();
+        // Feet begin on the ground: the touchdown in the third step is the first.
+        assert_eq!(taps, [0, 0, 0, 0, 0, 1, 0]);
     }
 
     #[test]

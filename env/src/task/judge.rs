@@ -50,6 +50,7 @@ impl Environment {
             foot_error,
             action_change: self.action_change,
             slip: self.gait.slip_squared(),
+            taps: self.gait.taps(),
         };
         judged.terms(config, factors, dt)
     }

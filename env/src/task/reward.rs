@@ -1,5 +1,5 @@
 //! The reward of the thesis (section 7.3.3): velocity tracking, pose regularisation, being alive, foot clearance,
-//! each a weight times a kernel in [0, 1] times the duration of the step; beyond the thesis two penalties.
+//! each a weight times a kernel in [0, 1] times the duration of the step; beyond the thesis three penalties.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use super::gait::Sole;
 use crate::config::RewardConfig;
 
 /// Names of the terms in the order of [`Terms::array`].
-pub const TERM_NAMES: [&str; 6] = ["velocity", "pose", "alive", "foot", "action_rate", "slip"];
+pub const TERM_NAMES: [&str; 7] = ["velocity", "pose", "alive", "foot", "action_rate", "slip", "tap"];
 
 /// One step's reward by term, each with its weight, curriculum factor and duration of the step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -24,11 +24,13 @@ pub struct Terms {
     pub action_rate: f64,
     /// Penalty on slipping feet.
     pub slip: f64,
+    /// Penalty on feet that touch down twice in a row.
+    pub tap: f64,
 }
 
 impl Terms {
     /// The terms in the order of [`TERM_NAMES`].
-    pub fn array(&self) -> [f64; 6] {
+    pub fn array(&self) -> [f64; 7] {
         [
             self.velocity,
             self.pose,
@@ -36,6 +38,7 @@ impl Terms {
             self.foot,
             self.action_rate,
             self.slip,
+            self.tap,
         ]
     }
 
@@ -53,6 +56,7 @@ impl Terms {
         self.foot += step.foot;
         self.action_rate += step.action_rate;
         self.slip += step.slip;
+        self.tap += step.tap;
     }
 
     /// Every term times `factor`.
@@ -64,6 +68,7 @@ impl Terms {
             foot: factor * self.foot,
             action_rate: factor * self.action_rate,
             slip: factor * self.slip,
+            tap: factor * self.tap,
         }
     }
 
@@ -76,7 +81,7 @@ impl Terms {
 /// The curriculum's factors on the reward.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Factors {
-    /// C_v, on the velocity term.
+    /// C_v, on the velocity term, and on that of taps: who does not walk yet may shuffle.
     pub velocity: f64,
     /// C_foot, on the foot term.
     pub foot: f64,
@@ -146,6 +151,8 @@ pub struct Judged<'a> {
     pub action_change: f64,
     /// Sum of the squared horizontal speeds of loaded soles, (m/s)^2.
     pub slip: f64,
+    /// Touchdowns of feet that had been the last to touch down, too.
+    pub taps: u32,
 }
 
 impl Judged<'_> {
@@ -160,6 +167,7 @@ impl Judged<'_> {
             foot: config.foot_weight * factors.foot * foot * dt,
             action_rate: -config.action_rate_weight * self.action_change * dt,
             slip: -config.slip_weight * self.slip * dt,
+            tap: -config.tap_weight * factors.velocity * f64::from(self.taps),
         }
     }
 }
