@@ -124,14 +124,15 @@ def text(*numbers: float) -> str:
     return " ".join(f"{number:.10g}" for number in numbers)
 
 
-def rotor(parent: Element, joint: str, origin: tuple, axis: tuple, inertia: float) -> None:
+def rotor(parent: Element, joint: str, origin: Vector, axis: Vector, inertia: float) -> Element:
     """A rotor that turns beside the link of `joint`, on the body that carries both."""
     body = SubElement(parent, "body", name=f"{joint}_rotor", pos=text(*origin))
     SubElement(body, "joint", name=f"{joint}_rotor", type="hinge", axis=text(*axis))
     SubElement(body, "inertial", pos="0 0 0", mass="1e-6", diaginertia=text(*[inertia] * 3))
+    return body
 
 
-def loose_mass(link: str, centre: tuple, axis: tuple, mass: float, play: float) -> Element:
+def loose_mass(link: str, centre: Vector, axis: Vector, mass: float, play: float) -> Element:
     """A mass at `centre` that slides in a link, along the way it moves about the joint's `axis`, between two stops."""
     across = (1, 0, 0) if axis[1] else (0, 1, 0)
     body = Element("body", name=f"{link}_loose", pos=text(*centre))

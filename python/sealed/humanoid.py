@@ -1,0 +1,142 @@
+"""A humanoid from its maker's folder, as MuJoCo simulates the faulty one.
+
+The readings of the folder and the tree of bodies are those of `omniwalk_reference`, which shares nothing with omniwalk. The rest
+is another world than the one that identification has:
+
+- Step: implicitfast at 4 kHz. Torques of servos and friction come from outside and hold for a step; fourth-order Runge-Kutta, which
+  the stands have, would let stiff springs of play and bristles gain energy from that, semi-implicit steps do not.
+- Contact is MuJoCo's own soft one (time constant 20 ms) with pyramidal cones; nothing but the four corners of a sole resists
+  turning on the spot.
+- Couplings (the parallelograms of hip and knee) are constraints with a time constant of half a millisecond: a joint that
+  follows has no servo, friction or encoder, and effects sit at its leader.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
+
+import mujoco
+
+from omniwalk_reference import mjcf, robot
+
+from .effects import Effect
+from .machine import Servo, loose_mass, rotor, text
+
+STEP = 2.5e-4
+"""Physics step, s."""
+
+FRICTION = 0.7
+"""Of soles on the ground; training had 0.4 to 0.8."""
+
+
+@dataclass
+class Humanoid:
+    """What the maker knows: the robot, and the servos of the joints that have one."""
+
+    robot: robot.Robot
+    servos: dict[str, Servo]
+
+    @property
+    def names(self) -> list[str]:
+        return list(self.servos)
+
+    def nominal(self, name: str) -> float:
+        """Position of a joint in the nominal pose, rad."""
+        return next(model.nominal for joint, model in zip(self.robot.tree.joints, self.robot.joints) if joint.name == name)
+
+    def carriers(self) -> list[str]:
+        """Joints with a servo between trunk and soles."""
+        tree, on_the_way = self.robot.tree, set()
+        for foot in self.robot.feet:
+            body = foot.body
+            while body:
+                on_the_way.add(tree.joints[body - 1].name)
+                body = tree.bodies[body].parent
+        return [name for name in self.names if name in on_the_way]
+
+    def carried(self, name: str) -> float:
+        """Mass of everything that hangs on a joint, kg."""
+        tree = self.robot.tree
+        first = self._body(name)
+        inside = {first}
+        for index, body in enumerate(tree.bodies):
+            if body.parent in inside:
+                inside.add(index)
+        return sum(tree.bodies[index].mass for index in inside)
+
+    def _body(self, name: str) -> int:
+        return 1 + [joint.name for joint in self.robot.tree.joints].index(name)
+
+    def model(self, servos: dict[str, Servo], effects: list[Effect], rotors: list[str]) -> mujoco.MjModel:
+        """The machine with its true `servos`; the joints in `rotors` have a rotor of their own."""
+        root = fromstring(mjcf.write(self.robot, 1.0 / STEP, legs=True))
+        _world(root)
+        bodies = {body.attrib["name"]: body for body in root.iter("body")}
+        parents = {child: parent for parent in root.iter() for child in parent}
+        names = [body.name for body in self.robot.tree.bodies]
+        for name, servo in servos.items():
+            joint = self.robot.tree.joints[self._body(name) - 1]
+            body = bodies[names[self._body(name)]]
+            hinge = next(entry for entry in body.findall("joint") if entry.attrib["name"] == name)
+            # Friction is the actuator's.
+            own = name in rotors
+            hinge.attrib |= {"armature": text(0.0 if own else servo.armature), "damping": "0", "frictionloss": "0"}
+            if own:
+                beside = rotor(parents[body], name, tuple(joint.origin.translation), tuple(joint.axis), servo.armature)
+                beside.attrib["quat"] = body.attrib["quat"]
+        for effect in effects:
+            self._hang(effect, bodies[names[self._body(effect.joint)]])
+        model = mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
+        # A world that broke must not begin anew by itself.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        return model
+
+    def _hang(self, effect: Effect, body: Element) -> None:
+        """Adds masses that nobody knows of, kg, at the link's centre of mass."""
+        index = self._body(effect.joint)
+        link, axis = self.robot.tree.bodies[index], self.robot.tree.joints[index - 1].axis
+        if effect.name == "payload":
+            inertial = body.find("inertial")
+            inertial.attrib["mass"] = text(link.mass + effect.get("mass"))
+        if effect.name == "loose_mass":
+            body.append(loose_mass(link.name, tuple(link.com), tuple(axis), effect.get("mass"), effect.get("play")))
+
+    def place(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Stands the robot in its nominal pose."""
+        pose = self.robot.base_pose()
+        data.qpos[:3] = pose.translation
+        mujoco.mju_mat2Quat(data.qpos[3:7], pose.rotation.flatten())
+        entries = [model.joint(number) for number in range(model.njnt)]
+        addresses = {entry.name: entry.qposadr[0] for entry in entries}
+        for joint, position in zip(self.robot.tree.joints, self.robot.nominal()):
+            for name in (joint.name, f"{joint.name}_rotor"):
+                if name in addresses:
+                    data.qpos[addresses[name]] = position
+
+
+def read(folder: Path) -> Humanoid:
+    """Reads a robot folder."""
+    described = robot.load(folder)
+    servos = {}
+    for joint, model in zip(described.tree.joints, described.joints):
+        if model.motor is not None:
+            motor = model.motor
+            drive = (motor.kp, motor.kd, motor.torque_limit, motor.speed_limit)
+            servos[joint.name] = Servo(*drive, model.armature, model.friction, model.damping)
+    return Humanoid(described, servos)
+
+
+def _world(root: Element) -> None:
+    """Another integrator and another ground than the reference's, no motors, an accelerometer in the trunk."""
+    root.find("option").attrib["cone"] = "pyramidal"
+    # Without a time constant of its own a geom has MuJoCo's.
+    del root.find("default").find("geom").attrib["solref"]
+    floor = next(geom for geom in root.iter("geom") if geom.attrib.get("name") == "floor")
+    floor.attrib |= {"condim": "3", "friction": text(FRICTION, 0.0, 0.0)}
+    for name in ("actuator", "keyframe"):
+        root.remove(root.find(name))
+    trunk = root.find("worldbody").find("body")
+    SubElement(trunk, "site", name="imu")
+    SubElement(SubElement(root, "sensor"), "accelerometer", site="imu")
