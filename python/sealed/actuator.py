@@ -62,7 +62,7 @@ class Actuator:
 
     def _value(self, name: str, key: str, default: float = 0.0) -> float:
         effect = self.effects.get(name)
-        return effect.get(key) if effect else default
+        return effect.parameters.get(key, default) if effect else default
 
     def _beyond(self) -> float:
         """What effects hold at rest beside the friction of the data sheet, N m: it sets how stiff bristles are."""

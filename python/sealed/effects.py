@@ -58,15 +58,12 @@ PAIRS = [
 
 WALKER_INSIDE: dict[str, dict[str, Range]] = {
     **{name: ranges for name, ranges in INSIDE.items() if name != "directional_friction"},
-    "command_rate_limit": {"speed": (0.35, 0.6)},
-    "command_dead_band": {"width": (0.01, 0.025)},
-    "command_gain": {"gain": (0.88, 0.95)},
     "coulomb_friction": {"torque": (0.15, 0.35)},
     "backlash": {"gap": (0.01, 0.03)},
-    "sensor_offset": {"offset": (0.02, 0.05)},
+    "elasticity": {"compliance": (0.01, 0.03)},
 }
-"""Of a machine that walks, with ranges that a walker bears: it loses its balance where a stand only swings. Its maker knows of no
-dry friction. What differs between the directions needs some, so plain dry friction stands in its place."""
+"""Of a machine that walks. Its servos, which look at the joint, get no hold of a trunk behind more play or a softer spring. Its
+maker knows of no dry friction, and what differs between the directions needs some: plain dry friction stands in its place."""
 
 WALKER_PAIRS = [tuple("coulomb_friction" if name == "directional_friction" else name for name in pair) for pair in PAIRS]
 

@@ -34,6 +34,8 @@ LATENESS = 2e-4
 LOWEST = 0.7
 """The trunk of a robot that has fallen is below this share of its height, or beyond the policy's angles."""
 
+BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
 
 @dataclass
 class Walked:
@@ -162,7 +164,7 @@ class _Run:
     def _fallen(self) -> bool:
         """Whether the trunk is too low or inclined, or the simulation broke."""
         base = self.data.qpos[:7]
-        if not np.isfinite(base).all():
+        if any(self.data.warning[which].number for which in BROKEN):
             raise FloatingPointError(f"{self.world.case} broke the simulation")
         return bool(base[2] < LOWEST * self.height or (np.abs(fused(base[3:7])) > self.policy.spec.upright).any())
 
