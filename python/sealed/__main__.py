@@ -1,4 +1,4 @@
-"""Makes, runs and judges sealed cases.
+"""Makes, runs and judges sealed cases, and lets policies walk in them.
 
     python -m sealed generate rig --seeds 0-7 --out DIR
     python -m sealed run fixed --out DIR --results DIR [--program omniwalk]
