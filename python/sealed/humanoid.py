@@ -81,23 +81,24 @@ class Humanoid:
         parents = {child: parent for parent in root.iter() for child in parent}
         names = [body.name for body in self.robot.tree.bodies]
         for name, servo in servos.items():
-            joint = self.robot.tree.joints[self._body(name) - 1]
             body = bodies[names[self._body(name)]]
-            hinge = next(entry for entry in body.findall("joint") if entry.attrib["name"] == name)
-            # Friction is the actuator's.
-            own = name in rotors
-            beyond = OUTPUT * servo.armature if own else servo.armature
-            hinge.attrib |= {"armature": text(beyond), "damping": "0", "frictionloss": "0"}
-            if own:
-                inertia = servo.armature - beyond
-                beside = rotor(parents[body], name, tuple(joint.origin.translation), tuple(joint.axis), inertia)
-                beside.attrib["quat"] = body.attrib["quat"]
+            self._inertia(name, servo, body, parents[body] if name in rotors else None)
         for effect in effects:
             self._hang(effect, bodies[names[self._body(effect.joint)]])
         model = mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
         # A world that broke must not begin anew by itself.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         return model
+
+    def _inertia(self, name: str, servo: Servo, body: Element, beside: Element | None) -> None:
+        """The gear's inertia at a joint: all of it on its `body`, or most of it on a rotor `beside`. Friction is the actuator's."""
+        hinge = next(entry for entry in body.findall("joint") if entry.attrib["name"] == name)
+        own = servo.armature if beside is None else OUTPUT * servo.armature
+        hinge.attrib |= {"armature": text(own), "damping": "0", "frictionloss": "0"}
+        if beside is not None:
+            joint = self.robot.tree.joints[self._body(name) - 1]
+            turning = rotor(beside, name, tuple(joint.origin.translation), tuple(joint.axis), servo.armature - own)
+            turning.attrib["quat"] = body.attrib["quat"]
 
     def _hang(self, effect: Effect, body: Element) -> None:
         """Adds masses that nobody knows of, kg, at the link's centre of mass."""
