@@ -1,8 +1,9 @@
-"""Makes, runs and judges sealed cases.
+"""Makes, runs and judges sealed cases, and lets policies walk in them.
 
     python -m sealed generate rig --seeds 0-7 --out DIR
     python -m sealed run fixed --out DIR --results DIR [--program omniwalk]
     python -m sealed summary --out DIR --results DIR
+    python -m sealed walk POLICY.omni --machine walk --seed 1000 --out DIR
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from . import cases, generate, runner, summary
+from . import cases, generate, loop, runner, summary
 
 
 def seeds(text: str) -> list[int]:
@@ -42,6 +43,12 @@ def main() -> None:
     judge.add_argument("--out", type=Path, required=True)
     judge.add_argument("--results", type=Path, required=True)
     judge.set_defaults(run=_summary)
+    walk = commands.add_parser("walk", help="lets a policy walk in the sealed world of a case: falls and velocity errors")
+    walk.add_argument("policy", type=Path)
+    walk.add_argument("--machine", choices=["walk"], required=True)
+    walk.add_argument("--seed", type=int, required=True)
+    walk.add_argument("--out", type=Path, required=True, help="folder for the same as JSON")
+    walk.set_defaults(run=_walk)
     arguments = parser.parse_args()
     arguments.run(arguments)
 
@@ -58,6 +65,12 @@ def _run(arguments) -> None:
 
 def _summary(arguments) -> None:
     print(summary.tables(summary.load(arguments.out, arguments.results)))
+
+
+def _walk(arguments) -> None:
+    plays = loop.play(arguments.policy, arguments.seed)
+    loop.write(plays, arguments.policy, arguments.seed, arguments.out)
+    print(loop.table(plays))
 
 
 if __name__ == "__main__":

@@ -51,8 +51,7 @@ class Actuator:
         self.servo = servo
         self.effects = {effect.name: effect for effect in effects}
         self.rng = rng
-        stribeck = self._value("stribeck_friction", "torque")
-        self.bristle = Bristle(servo.friction + stribeck)
+        self.bristle = Bristle(servo.friction + self._beyond())
         self.rotor_bristle = Bristle(servo.friction)
         self.queue: deque[tuple[float, float]] = deque()
         self.asked = start
@@ -63,7 +62,16 @@ class Actuator:
 
     def _value(self, name: str, key: str, default: float = 0.0) -> float:
         effect = self.effects.get(name)
-        return effect.get(key) if effect else default
+        return effect.parameters.get(key, default) if effect else default
+
+    def _beyond(self) -> float:
+        """What effects hold at rest beside the friction of the data sheet, N m: it sets how stiff bristles are."""
+        held = self._value("stribeck_friction", "torque") + self._value("coulomb_friction", "torque")
+        if self.servo.friction > 0.0:
+            return held
+        # Only load or warmth makes friction here: bristles are those of a fifth of the motor's torque.
+        loaded = 0.2 * self.servo.torque_limit * self._value("load_dependent_friction", "coefficient")
+        return held + loaded + self._value("thermal_drift", "torque")
 
     @property
     def two_bodies(self) -> bool:
@@ -122,10 +130,12 @@ class Actuator:
         """Torque that friction takes from the joint (against `velocity`), N m, after `warm` s of work."""
         dry = self.servo.friction
         if "thermal_drift" in self.effects:
-            drift = self._value("thermal_drift", "share")
-            dry *= 1.0 + drift * (1.0 - math.exp(-warm / self._value("thermal_drift", "time_constant")))
+            warmth = 1.0 - math.exp(-warm / self._value("thermal_drift", "time_constant"))
+            dry *= 1.0 + self._value("thermal_drift", "share") * warmth
+            dry += self._value("thermal_drift", "torque") * warmth
         if self.two_bodies:
             dry *= 1.0 - ROTOR_FRICTION
+        dry += self._value("coulomb_friction", "torque")
         speed = velocity / max(self._value("stribeck_friction", "velocity"), 1e-9)
         dry += self._value("stribeck_friction", "torque") * math.exp(-min(speed * speed, 700.0))
         dry += self._value("load_dependent_friction", "coefficient") * abs(transmitted)

@@ -6,10 +6,14 @@ from pathlib import Path
 
 from .generate import generate, name_of
 
-FIXED = [("rig", seed) for seed in range(72)] + [("leg", seed) for seed in range(32)]
+FIXED = [("rig", seed) for seed in range(72)] + [("leg", seed) for seed in range(32)] + [("walk", seed) for seed in range(8)]
 """Machine and seed; to be run once, after the procedure is frozen."""
 
-REHEARSAL = [("rig", seed) for seed in range(1000, 1016)] + [("leg", seed) for seed in range(1000, 1004)]
+REHEARSAL = [
+    *(("rig", seed) for seed in range(1000, 1016)),
+    *(("leg", seed) for seed in range(1000, 1004)),
+    *(("walk", seed) for seed in range(1000, 1004)),
+]
 """Other seeds, to try the machinery with."""
 
 LISTS = {"fixed": FIXED, "rehearsal": REHEARSAL}

@@ -56,6 +56,22 @@ PAIRS = [
     ("payload", "load_dependent_friction"),
 ]
 
+WALKER_INSIDE: dict[str, dict[str, Range]] = {
+    **{name: ranges for name, ranges in INSIDE.items() if name != "directional_friction"},
+    "coulomb_friction": {"torque": (0.15, 0.35)},
+    "backlash": {"gap": (0.01, 0.03)},
+    "elasticity": {"compliance": (0.01, 0.03)},
+}
+"""Of a machine that walks. Its servos, which look at the joint, get no hold of a trunk behind more play or a softer spring. Its
+maker knows of no dry friction, and what differs between the directions needs some: plain dry friction stands in its place."""
+
+WALKER_PAIRS = [tuple("coulomb_friction" if name == "directional_friction" else name for name in pair) for pair in PAIRS]
+
+WALKER_OUTSIDE = OUTSIDE | {
+    "thermal_drift": ({"torque": (0.3, 0.6), "time_constant": (2.0, 5.0)}, ["time", "temperature"]),
+}
+"""Warmth adds friction to a machine that has none, and has to within a log."""
+
 SIGNED = {"directional_friction", "sensor_offset", "external_force"}
 
 
@@ -82,11 +98,29 @@ class Case:
     """For outside effects, the variables that may be named first."""
 
 
+@dataclass(frozen=True)
+class Library:
+    """What a machine's cases are drawn from."""
+
+    inside: dict[str, dict[str, Range]]
+    outside: dict[str, tuple[dict[str, Range], list[str]]]
+    pairs: list[tuple[str, str]]
+
+
+HELD = Library(INSIDE, OUTSIDE, PAIRS)
+"""Of machines on a stand."""
+
+WALKING = Library(WALKER_INSIDE, WALKER_OUTSIDE, WALKER_PAIRS)
+"""Of machines that walk."""
+
+
 KINDS = ["none", "single", "single", "outside", "none", "single", "pair", "outside"]
 """Kinds of consecutive seeds: a quarter is none."""
 
 
-def draw_case(seed: int, rng: np.random.Generator, joints: list[str], scales: dict[str, dict[str, float]]) -> Case:
+def draw_case(
+    seed: int, rng: np.random.Generator, joints: list[str], scales: dict[str, dict[str, float]], library: Library = HELD
+) -> Case:
     """Draws what is wrong. `scales` gives per joint what parameters are shares of."""
     kind = KINDS[seed % len(KINDS)]
     joint = joints[rng.integers(len(joints))]
@@ -100,18 +134,18 @@ def draw_case(seed: int, rng: np.random.Generator, joints: list[str], scales: di
 
     if kind == "single":
         # Walks through the names so that a list of seeds covers them all.
-        names = list(INSIDE)
+        names = list(library.inside)
         singles = sum(KINDS[earlier % len(KINDS)] == "single" for earlier in range(seed))
         name = names[singles % len(names)]
-        return Case(kind, [draw(name, INSIDE[name])])
+        return Case(kind, [draw(name, library.inside[name])])
     if kind == "pair":
-        pair = PAIRS[(seed // len(KINDS)) % len(PAIRS)]
-        return Case(kind, [draw(name, INSIDE[name]) for name in pair])
+        pair = library.pairs[(seed // len(KINDS)) % len(library.pairs)]
+        return Case(kind, [draw(name, library.inside[name]) for name in pair])
     if kind == "outside":
-        names = list(OUTSIDE)
+        names = list(library.outside)
         earlier = sum(KINDS[other % len(KINDS)] == "outside" for other in range(seed))
         name = names[earlier % len(names)]
-        ranges, leading = OUTSIDE[name]
+        ranges, leading = library.outside[name]
         return Case(kind, [draw(name, ranges)], leading)
     return Case(kind)
 
@@ -121,6 +155,7 @@ def scales(torque: float, speed: float, motion: float) -> dict[str, float]:
     of_torque = [
         *("stribeck_friction.torque", "directional_friction.torque", "position_ripple.amplitude"),
         *("external_force.torque", "ripple_with_beat.amplitude", "cable_spring.torque"),
+        *("coulomb_friction.torque", "thermal_drift.torque"),
     ]
     return {key: torque for key in of_torque} | {
         "command_rate_limit.speed": speed,

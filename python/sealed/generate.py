@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import effects, machine, motions
+from . import effects, machine, motions, walk_case
 from .effects import Case
 from .stand import Stand
 
@@ -22,18 +22,31 @@ SECONDS = 6.0
 LOW_GAIN = 0.6
 """What every other motion of the rig has of the servo's kp."""
 
-MACHINES = ["rig", "leg"]
+MACHINES = ["rig", "leg", "walk"]
 
 
 def name_of(kind: str, seed: int) -> str:
     return f"{kind}-{seed:04d}"
 
 
-def generate(kind: str, seed: int, out: Path, seconds: float = SECONDS) -> Path:
+def generate(kind: str, seed: int, out: Path, seconds: float | None = None) -> Path:
     """Writes case `seed` of a machine under `out/cases`, its truth under `out/truth`; gives the case's folder.
 
-    Each log lasts `seconds`.
+    Each log lasts `seconds`, or as long as this machine's do.
     """
+    folder = out / "cases" / name_of(kind, seed)
+    if kind == "walk":
+        truth = walk_case.write(seed, folder, seconds or walk_case.SECONDS)
+    else:
+        truth = _on_a_stand(kind, seed, folder, seconds or SECONDS)
+    path = out / "truth" / f"{name_of(kind, seed)}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({**truth, "machine": kind, "seed": seed}, indent=1) + "\n")
+    return folder
+
+
+def _on_a_stand(kind: str, seed: int, folder: Path, seconds: float) -> dict:
+    """Writes robot and logs of a machine on a stand into `folder`; gives the truth."""
     rng = np.random.default_rng([seed, zlib.crc32(kind.encode())])
     built = {"rig": machine.rig, "leg": machine.leg}[kind](lambda low, high: float(rng.uniform(low, high)))
     typical = Stand(built, Case("none"), rng).typical(built.motions)
@@ -44,7 +57,6 @@ def generate(kind: str, seed: int, out: Path, seconds: float = SECONDS) -> Path:
     }
     case = effects.draw_case(seed, rng, [joint.name for joint in built.joints], scales)
     stand = Stand(built, case, rng)
-    folder = out / "cases" / name_of(kind, seed)
     built.write(folder / "robot")
     floors = {}
     for part, shapes in (("fit", FIT), ("heldout", HELD_OUT)):
@@ -63,17 +75,11 @@ def generate(kind: str, seed: int, out: Path, seconds: float = SECONDS) -> Path:
             log = f"{part}/{number:02d}-{shape}"
             recorded.log.write(folder / f"{log}.mcap", groups, kp, lambda: float(late.uniform(2e-4, 1.5e-3)))
             floors[log] = dict(zip(stand.names, recorded.floor))
-    truth = {
+    return {
         "case": asdict(case),
-        "machine": kind,
-        "seed": seed,
         "servos": {joint.name: asdict(joint.servo) for joint in stand.machine.joints},
         "floor": floors,
     }
-    path = out / "truth" / f"{name_of(kind, seed)}.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(truth, indent=1) + "\n")
-    return folder
 
 
 def _middle(joint: machine.Joint) -> float:

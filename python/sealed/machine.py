@@ -114,10 +114,7 @@ class Machine:
             SubElement(body, "inertial", **inertial)
             body.extend(extras.get(joint.link, []))
             if own:
-                rotor = SubElement(parent, "body", name=f"{joint.name}_rotor", pos=text(*joint.origin))
-                SubElement(rotor, "joint", name=f"{joint.name}_rotor", type="hinge", axis=text(*joint.axis))
-                moments = text(*[rotors[joint.name]] * 3)
-                SubElement(rotor, "inertial", pos="0 0 0", mass="1e-6", diaginertia=moments)
+                rotor(parent, joint.name, joint.origin, joint.axis, rotors[joint.name])
             bodies[joint.link] = body
         indent(root)
         return tostring(root, encoding="unicode") + "\n"
@@ -125,6 +122,24 @@ class Machine:
 
 def text(*numbers: float) -> str:
     return " ".join(f"{number:.10g}" for number in numbers)
+
+
+def rotor(parent: Element, joint: str, origin: Vector, axis: Vector, inertia: float) -> Element:
+    """A rotor that turns beside the link of `joint`, on the body that carries both."""
+    body = SubElement(parent, "body", name=f"{joint}_rotor", pos=text(*origin))
+    SubElement(body, "joint", name=f"{joint}_rotor", type="hinge", axis=text(*axis))
+    SubElement(body, "inertial", pos="0 0 0", mass="1e-6", diaginertia=text(*[inertia] * 3))
+    return body
+
+
+def loose_mass(link: str, centre: Vector, axis: Vector, mass: float, play: float) -> Element:
+    """A mass at `centre` that slides in a link, along the way it moves about the joint's `axis`, between two stops."""
+    across = (1, 0, 0) if axis[1] else (0, 1, 0)
+    body = Element("body", name=f"{link}_loose", pos=text(*centre))
+    slide = {"type": "slide", "axis": text(*across), "range": text(-play, play), "damping": "0.5"}
+    SubElement(body, "joint", name=f"{link}_loose", **slide)
+    SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text(*[1e-5] * 3))
+    return body
 
 
 def rig(draw) -> Machine:

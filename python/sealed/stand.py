@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
-from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
@@ -13,7 +12,8 @@ import numpy as np
 from .actuator import Actuator
 from .effects import Case
 from .logs import Log
-from .machine import Machine, Servo, text
+from .drive import Drive, place
+from .machine import Machine, Servo, loose_mass
 from .motions import Motion
 from .sensors import Reader
 
@@ -58,9 +58,9 @@ class Stand:
                 rotors[joint.name] = joint.servo.armature
             extras[joint.link] = [_loose(joint, effect) for effect in effects if effect.name == "loose_mass"]
         self.model = mujoco.MjModel.from_xml_string(self.machine.mjcf(STEP, rotors, extras))
-        address = {joint: self.model.joint(joint).dofadr[0] for joint in self.names}
-        self.links = np.array([address[name] for name in self.names])
-        self.rotors = {self.names.index(name): self.model.joint(f"{name}_rotor").dofadr[0] for name in rotors}
+        self.places = [place(self.model, name) for name in self.names]
+        self.links = np.array([at.position for at in self.places])
+        self.rotors = {self.names.index(name): place(self.model, f"{name}_rotor") for name in rotors}
 
     def record(self, motions: list[Motion], start: list[float], duration: float, gain: float, off_from: float) -> Recorded:
         """Runs the motions (one per joint) from rest at `start`; `gain` multiplies kp, motors are off from `off_from` s on."""
@@ -69,12 +69,12 @@ class Stand:
         data = mujoco.MjData(self.model)
         data.qpos[self.links] = start
         for joint, rotor in self.rotors.items():
-            data.qpos[rotor] = start[joint]
+            data.qpos[rotor.position] = start[joint]
         log, reader = Log(self.names), Reader(self.rng)
         history: deque[np.ndarray] = deque(maxlen=int(0.05 / STEP))
         offsets = np.array([actuator.offset for actuator in actuators])
         ages = np.array([round(actuator.reading_age / STEP) for actuator in actuators])
-        transmitted = np.zeros(len(actuators))
+        drives = [Drive(actuator, self.places[i], self.rotors.get(i)) for i, actuator in enumerate(actuators)]
         next_command, switched = 0.0, False
         if off_from < duration:
             log.enabled(0.0, True)
@@ -94,8 +94,8 @@ class Stand:
             if reader.due(time):
                 seen = [history[max(len(history) - 1 - age, 0)][i] for i, age in enumerate(ages)]
                 reader.read(time, np.array(seen))
-            for i, actuator in enumerate(actuators):
-                self._drive(i, actuator, data, time, time < off_from, transmitted)
+            for drive in drives:
+                drive.act(data, time, time < off_from, STEP)
             mujoco.mj_step(self.model, data)
         for time, position, velocity in zip(reader.times, reader.positions, reader.velocities):
             log.states(time, position, velocity)
@@ -104,24 +104,6 @@ class Stand:
     def _actuator(self, index: int, servo: Servo, start: float) -> Actuator:
         name = self.names[index]
         return Actuator(servo, [effect for effect in self.case.effects if effect.joint == name], self.rng, start)
-
-    def _drive(self, i: int, actuator: Actuator, data, time: float, on: bool, transmitted: np.ndarray) -> None:
-        """Puts the joint's torques into `data`."""
-        link = self.links[i]
-        position, velocity = float(data.qpos[link]), float(data.qvel[link])
-        torque = actuator.motor(time, position + actuator.offset, velocity, on, STEP)
-        rotor = self.rotors.get(i)
-        if rotor is None:
-            # What passes the gear: the motor's torque less what turns the rotor.
-            transmitted[i] = torque - actuator.servo.armature * float(data.qacc[link])
-            passed = torque
-        else:
-            turned, speed = float(data.qpos[rotor]), float(data.qvel[rotor])
-            passed = transmitted[i] = actuator.coupling(turned - position, speed - velocity)
-            friction = actuator.rotor_bristle.torque(speed, 0.2 * actuator.servo.friction, STEP)
-            data.qfrc_applied[rotor] = torque - passed - friction
-        taken = actuator.friction(velocity, transmitted[i], time, STEP)
-        data.qfrc_applied[link] = passed - taken + actuator.outside(position)
 
     def typical(self, motion: float) -> list[float]:
         """Typical torque of each joint: the largest of gravity over poses within `motion` (rad), N m."""
@@ -140,13 +122,7 @@ def _loaded(joint, mass: float):
     return replace(joint, mass=joint.mass + mass)
 
 
-def _loose(joint, effect) -> Element:
-    """A mass that slides in the link, along the way it moves, between two stops."""
-    across = (1, 0, 0) if joint.axis[1] else (0, 1, 0)
-    body = Element("body", name=f"{joint.link}_loose", pos=text(*joint.com))
-    play = effect.get("play")
-    slide = {"type": "slide", "axis": text(*across), "range": text(-play, play), "damping": "0.5"}
-    SubElement(body, "joint", name=f"{joint.link}_loose", **slide)
+def _loose(joint, effect):
+    """The loose mass of a faulty link, at the link's centre of mass."""
     mass = effect.get("mass") * joint.mass
-    SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text(*[1e-5] * 3))
-    return body
+    return loose_mass(joint.link, joint.com, joint.axis, mass, effect.get("play"))

@@ -17,9 +17,9 @@ SECONDS = 1.2
 
 @pytest.fixture(scope="module")
 def cases(tmp_path_factory):
-    """A case of each machine, with its truth."""
+    """A case of each machine on a stand, with its truth."""
     out = tmp_path_factory.mktemp("sealed")
-    folders = [generate.generate(machine, 1, out, SECONDS) for machine in generate.MACHINES]
+    folders = [generate.generate(machine, 1, out, SECONDS) for machine in ("rig", "leg")]
     return out, folders
 
 
@@ -46,7 +46,9 @@ def test_nothing_of_omniwalk_is_imported():
         for node in ast.walk(ast.parse(path.read_text())):
             names = [alias.name for alias in node.names] if isinstance(node, (ast.Import, ast.ImportFrom)) else []
             module = getattr(node, "module", None) or ""
-            assert not any("omniwalk" in name for name in [*names, module]), path
+            # The reference is written from the documents and imports nothing of omniwalk either.
+            roots = {name.split(".")[0] for name in [*names, module]}
+            assert "omniwalk" not in roots, path
 
 
 def test_what_is_identified_does_not_hold_the_truth(cases):
