@@ -9,6 +9,15 @@ import mujoco
 from .actuator import Actuator
 
 
+BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+def refuse_broken(data: mujoco.MjData, world: object) -> None:
+    """MuJoCo starts again without a word where a simulation came apart; no log may hold that."""
+    if any(data.warning[which].number for which in BROKEN):
+        raise FloatingPointError(f"the simulation of {world} broke")
+
+
 @dataclass
 class Place:
     """Where a hinge is in MuJoCo's state: its place among positions and among velocities."""

@@ -93,14 +93,16 @@ class Machine:
         return "\n".join(lines) + "\n"
 
     def mjcf(self, step: float, rotors: dict[str, float], extras: dict[str, list[Element]]) -> str:
-        """The machine with other integration than 1 kHz semi-implicit: fourth-order Runge-Kutta.
+        """The machine with other integration than 1 kHz semi-implicit: fourth-order Runge-Kutta, but for rotors on springs, into
+        which that would feed energy, as torques are held over a step.
 
         `rotors` gives the inertia of joints whose rotor is a body of its own; `extras` adds elements to links.
         Torques come from outside, step by step.
         """
         root = Element("mujoco", model=self.name)
+        integrator = "implicitfast" if rotors else "RK4"
         SubElement(root, "compiler", angle="radian", autolimits="true")
-        SubElement(root, "option", timestep=text(step), integrator="RK4", cone="pyramidal", density="0")
+        SubElement(root, "option", timestep=text(step), integrator=integrator, cone="pyramidal", density="0")
         world = SubElement(root, "worldbody")
         bodies = {"stand": SubElement(world, "body", name="stand", pos=text(0, 0, self.height))}
         for joint in self.joints:

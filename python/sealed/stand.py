@@ -12,7 +12,7 @@ import numpy as np
 from .actuator import Actuator
 from .effects import Case
 from .logs import Log
-from .drive import Drive, place
+from .drive import Drive, place, refuse_broken
 from .machine import Machine, Servo, loose_mass
 from .motions import Motion
 from .sensors import Reader
@@ -97,6 +97,7 @@ class Stand:
             for drive in drives:
                 drive.act(data, time, time < off_from, STEP)
             mujoco.mj_step(self.model, data)
+        refuse_broken(data, self.case)
         for time, position, velocity in zip(reader.times, reader.positions, reader.velocities):
             log.states(time, position, velocity)
         return Recorded(log, reader.floor())

@@ -14,7 +14,7 @@ from omniwalk_reference.walker import Walker
 from . import track
 from .actuator import Actuator
 from .commands import Commands
-from .drive import Drive, place
+from .drive import Drive, place, refuse_broken
 from .effects import Case
 from .humanoid import STEP, Humanoid
 from .imu import Imu, fused
@@ -33,8 +33,6 @@ LATENESS = 2e-4
 
 LOWEST = 0.7
 """The trunk of a robot that has fallen is below this share of its height, or beyond the policy's angles."""
-
-BROKEN = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
 @dataclass
@@ -162,10 +160,9 @@ class _Run:
         )
 
     def _fallen(self) -> bool:
-        """Whether the trunk is too low or inclined, or the simulation broke."""
+        """Whether the trunk is too low or inclined."""
         base = self.data.qpos[:7]
-        if any(self.data.warning[which].number for which in BROKEN):
-            raise FloatingPointError(f"{self.world.case} broke the simulation")
+        refuse_broken(self.data, self.world.case)
         return bool(base[2] < LOWEST * self.height or (np.abs(fused(base[3:7])) > self.policy.spec.upright).any())
 
     def _walked(self, seconds: float, fell: bool) -> Walked:
