@@ -233,7 +233,7 @@ impl Batch {
 
     /// Names of the rewards' terms.
     #[getter]
-    fn term_names(&self) -> [&'static str; 6] {
+    fn term_names(&self) -> [&'static str; TERM_NAMES.len()] {
         TERM_NAMES
     }
 

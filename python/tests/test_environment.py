@@ -129,7 +129,7 @@ def test_the_policy_of_the_repository_walks_in_the_environment():
         observation, reward, terminated, truncated, info = env.step(2.0 * controller.act(observation) - 1.0)
         total += reward
         assert not terminated, f"fell in step {step}"
-        assert np.isclose(reward, sum(info[name] for name in ("velocity", "pose", "alive", "foot", "action_rate", "slip")))
+        assert np.isclose(reward, sum(info[name] for name in ("velocity", "pose", "alive", "foot", "action_rate", "slip", "tap")))
         assert np.array_equal(info["desired_velocity"], [0.3, 0.0, 0.0])
     # Standing still earns the pose and the alive term, 8 a second; walking as asked the velocity term, 42, too.
     assert total / 10.0 > 25.0
