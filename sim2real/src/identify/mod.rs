@@ -8,7 +8,7 @@
 //! A robot whose base is held is followed through whole logs. One that walks freely is started anew from the measured state every
 //! 0.3 s (multiple shooting), on level ground, with the base as its inertial measurement unit or odometry says and the lowest corners
 //! of its soles at rest on the ground. What nobody measured of these starts is fitted to each stretch and taken out of its residual
-//! ([`starts`]), and so is what another model of ground contact would change ([`contact`]).
+//! (`starts`), and so is what another model of ground contact would change (`contact`).
 //!
 //! The logs that are held out are asked for after the last choice was made: [`run`] takes a function that opens them.
 

@@ -144,7 +144,7 @@ pub struct Trial {
     /// What the noise of the readings about the start makes of the position (in units of it) and of the velocity (a second) of each
     /// degree of freedom there.
     pub spread: Vec<(f64, f64)>,
-    /// By how much rollouts start off the measured state, as [`starts`](super::starts) has it; empty where the base is held.
+    /// By how much rollouts start off the measured state, as `starts` has it; empty where the base is held.
     pub shift: Vec<f64>,
     /// What the start can explain, where the base is not held.
     pub starts: Option<Arc<Starts>>,
