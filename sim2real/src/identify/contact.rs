@@ -25,6 +25,12 @@ const FARTHER: f64 = 1.5;
 /// What stands for a reading of a simulation that broke, rad or m.
 const BROKEN: f64 = 1.0;
 
+/// A ground on which soles turn as hard as on one that gives: of large soles, carpet, turf.
+const GRIPPING: Friction = Friction {
+    torsional: 0.1,
+    ..GROUND
+};
+
 /// A ground that is more slippery than the model's.
 const SLIPPERY: Friction = Friction {
     tangential: 0.6,
@@ -32,16 +38,21 @@ const SLIPPERY: Friction = Friction {
     rolling: 0.0005,
 };
 
-/// By how much rapier's readings of `robot` differ from those of lanes, in units of `noise` (by degree of freedom, rad or m).
+/// By how much other models of contact change the readings of `robot`, in units of `noise` (by degree of freedom, rad or m): rapier's,
+/// and a ground on which soles turn less easily.
 ///
 /// # Errors
 /// When an engine does not take the robot.
-pub fn direction(trial: &Trial, robot: &Robot, noise: &[f64]) -> Result<DVector<f64>, EngineError> {
-    let engine = Box::new(Rapier::new(robot, DT, 1)?);
-    let change = change(trial, robot, (engine, GROUND), 1)?;
-    let readings = trial.readings.iter().zip(&change);
-    let entries = readings.map(|(r, change)| change / noise[r.dof]);
-    Ok(DVector::from_iterator(change.len(), entries))
+pub fn directions(trial: &Trial, robot: &Robot, noise: &[f64]) -> Result<[DVector<f64>; 2], EngineError> {
+    let rapier: Box<dyn Engine> = Box::new(Rapier::new(robot, DT, 1)?);
+    let lanes: Box<dyn Engine> = Box::new(Lanes::new(robot, DT, 1, level())?);
+    let direction = |other| -> Result<DVector<f64>, EngineError> {
+        let change = change(trial, robot, other, 1)?;
+        let readings = trial.readings.iter().zip(&change);
+        let entries = readings.map(|(r, change)| change / noise[r.dof]);
+        Ok(DVector::from_iterator(change.len(), entries))
+    };
+    Ok([direction((rapier, GROUND))?, direction((lanes, GRIPPING))?])
 }
 
 /// By how much a ground that is more slippery and half the physics step change the readings, beyond what starts and rapier's contact

@@ -198,7 +198,7 @@ fn fit_one(trial: &mut Trial, robot: &Robot, noise: &[f64], finer: usize) -> Res
     }
     if let Some((_, line)) = best {
         trial.shift = line.at.iter().zip(&spread).map(|(s, spread)| s * spread).collect();
-        let contact = contact::direction(trial, robot, noise)?;
+        let contact = contact::directions(trial, robot, noise)?;
         trial.starts = Some(Arc::new(line.starts(trial, noise, &contact)));
     }
     Ok(())
@@ -260,15 +260,18 @@ impl Line {
             .map_or_else(|| self.at.clone(), |factor| factor.solve(&right))
     }
 
-    /// What starts explain, and `contact` with them: the residual another model of contact would make, in units of the noise.
-    fn starts(&self, trial: &Trial, noise: &[f64], contact: &DVector<f64>) -> Starts {
+    /// What starts explain, and `contact` with them: the residuals other models of contact would make, in units of the noise.
+    fn starts(&self, trial: &Trial, noise: &[f64], contact: &[DVector<f64>]) -> Starts {
         let offset = &self.slope * &self.at;
-        let n = self.at.len();
-        let mut slope = self.slope.clone().insert_column(n, 0.0);
-        slope.set_column(n, &(CONTACT * contact));
+        let starts = self.at.len();
+        let n = starts + contact.len();
+        let mut slope = self.slope.clone().insert_columns(starts, contact.len(), 0.0);
+        for (column, direction) in (starts..).zip(contact) {
+            slope.set_column(column, &(CONTACT * direction));
+        }
         // The eigenvectors of A'A give the directions of A A' without a decomposition as large as the readings are many.
         let eigen = slope.tr_mul(&slope).symmetric_eigen();
-        let told: Vec<usize> = (0..=n).filter(|&k| eigen.eigenvalues[k] > LEAST).collect();
+        let told: Vec<usize> = (0..n).filter(|&k| eigen.eigenvalues[k] > LEAST).collect();
         let mut directions = DMatrix::zeros(offset.len(), told.len());
         for (column, &k) in told.iter().enumerate() {
             let direction = &slope * eigen.eigenvectors.column(k);
