@@ -40,6 +40,11 @@ pub struct Gain {
     pub p: f64,
 }
 
+impl Gain {
+    /// No better, or not known to be.
+    pub const NONE: Self = Self { share: 0.0, p: 1.0 };
+}
+
 impl Folds {
     /// Folds by log, or by stretches of time within the logs where there are few: an effect that only one of them shows
     /// must be learnt from it and predicted in it.

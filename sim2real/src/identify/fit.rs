@@ -126,18 +126,50 @@ impl Data {
         let tasks: Vec<(usize, &[Model])> = (0..self.trials.len())
             .flat_map(|t| models.chunks(LANES).map(move |chunk| (t, chunk)))
             .collect();
-        let run = |&(t, chunk): &(usize, &[Model])| {
-            let robots: Vec<Robot> = chunk.iter().map(|model| model.robot(&self.robots[t])).collect();
-            // An engine that takes the nominal robot takes all of them.
-            starts::predict(&self.trials[t], &robots, self.finer)
-                .unwrap_or_else(|_| vec![f64::NAN; self.trials[t].readings.len() * chunk.len()])
-        };
-        let parts: Vec<Vec<f64>> = tasks.par_iter().map(run).collect();
+        let parts: Vec<Vec<f64>> = tasks
+            .par_iter()
+            .map(|&(t, chunk)| self.predict_trial(t, chunk))
+            .collect();
         let mut out: Vec<Vec<Vec<f64>>> = vec![Vec::new(); self.trials.len()];
         for ((t, _), part) in tasks.iter().zip(parts) {
             out[*t].push(part);
         }
         out
+    }
+
+    /// Predictions of up to [`LANES`] `models` for trial `t`: entry `reading * models + m`.
+    fn predict_trial(&self, t: usize, models: &[Model]) -> Vec<f64> {
+        let robots: Vec<Robot> = models.iter().map(|model| model.robot(&self.robots[t])).collect();
+        // An engine that takes the nominal robot takes all of them.
+        starts::predict(&self.trials[t], &robots, self.finer)
+            .unwrap_or_else(|_| vec![f64::NAN; self.trials[t].readings.len() * models.len()])
+    }
+
+    /// Sums over all readings of the products of columns that are weighted: the residual of the first of `models`, and by how much
+    /// each other one changes its predictions. Not finite in the row and column of a model that breaks.
+    pub fn products(&self, models: &[Model]) -> DMatrix<f64> {
+        let of_trial = |t: usize| {
+            let readings = &self.trials[t].readings;
+            let mut columns = DMatrix::zeros(readings.len(), models.len());
+            for (c, chunk) in models.chunks(LANES).enumerate() {
+                let predicted = self.predict_trial(t, chunk);
+                for (i, row) in predicted.chunks(chunk.len()).enumerate() {
+                    for (w, p) in row.iter().enumerate() {
+                        columns[(i, c * LANES + w)] = *p;
+                    }
+                }
+            }
+            for (reading, mut row) in readings.iter().zip(columns.row_iter_mut()) {
+                let (first, weight) = (row[0], self.weights[reading.dof]);
+                row.add_scalar_mut(-first);
+                row[0] = first - reading.position;
+                row.scale_mut(weight);
+            }
+            columns.tr_mul(&columns)
+        };
+        let parts: Vec<DMatrix<f64>> = (0..self.trials.len()).into_par_iter().map(of_trial).collect();
+        let n = models.len();
+        parts.into_iter().fold(DMatrix::zeros(n, n), |sum, part| sum + part)
     }
 
     /// Losses by block of every model.

@@ -28,6 +28,7 @@ mod own;
 mod report;
 mod rollout;
 mod scales;
+mod screen;
 mod select;
 mod split;
 mod starts;

@@ -1,7 +1,7 @@
 //! Step by step (`step`) from the re-tuned nominal model to the effects the data ask for.
 //!
-//! In a step every effect that the model lacks is fitted beside what it has and judged by cross-validation. The best is
-//! taken when it falls significantly (corrected for the number tried) and by more than a trifle, or a pair where no
+//! In a step every effect that the model lacks (of a robot with many joints: those that may take most to first order, `screen`) is
+//! fitted beside what it has and judged by cross-validation. The best is taken when it falls significantly (corrected for the number tried) and by more than a trifle, or a pair where no
 //! single one does; then what earlier steps took is tried without (`settle`). At the end each effect is exchanged for every other: what
 //! predicts as well cannot be told apart with these logs.
 
@@ -17,6 +17,7 @@ use super::cross::{Folds, Gain};
 use super::fit::{Data, Fit, Loss, total};
 use super::model::{Model, Term};
 use super::scales::Scales;
+use super::screen;
 use step::Stage;
 
 /// Probability of a false alarm in a step, over all effects tried.
@@ -39,6 +40,8 @@ const RIVAL: f64 = 0.25;
 const MOST: usize = 8;
 /// Singles of which pairs are made.
 const PAIRED: usize = 5;
+/// Effects that are fitted in a step where there are many: those that may take most.
+const FITTED: usize = 16;
 
 /// An effect that was tried and not taken.
 #[derive(Clone, Debug)]
@@ -51,6 +54,8 @@ pub struct Rejected {
     pub gain: Gain,
     /// Largest share of the loss it took in any step.
     pub most: f64,
+    /// Share of the loss it would take to first order, where that was too little for a fit in the last step.
+    pub at_best: Option<f64>,
     /// Why not.
     pub reason: String,
 }
@@ -236,7 +241,10 @@ impl Selector<'_> {
             ..
         } = steps;
         for rejected in &mut rejected {
-            rejected.reason = self.reason(&rejected.gain, most);
+            rejected.reason = match rejected.at_best {
+                Some(share) => format!("not fitted: takes {:.1} % to first order, others more", 100.0 * share),
+                None => self.reason(&rejected.gain, most),
+            };
         }
         rejected.retain(|r| !now.fit.model.has(r.kind, r.target));
         Selection {
@@ -264,7 +272,29 @@ impl Selector<'_> {
         let own = |c: &Candidate| terms.iter().any(|term| (term.kind, term.target) == (c.kind, c.target));
         let worth = |c: &Candidate| self.rivals.is_none_or(|rivals| rivals.contains(&(c.kind, c.target)));
         candidates.retain(|candidate| !own(candidate) && worth(candidate));
-        candidates
+        self.promising(model, candidates).0
+    }
+
+    /// Those of `candidates` that are worth a fit beside `model`, and the others with the share of the loss they would take to first
+    /// order. A single joint's are few: all of them.
+    fn promising(&self, model: &Model, candidates: Vec<Candidate>) -> (Vec<Candidate>, Vec<(Candidate, f64)>) {
+        if self.robot.dofs.len() == 1 || candidates.len() <= FITTED {
+            return (candidates, Vec::new());
+        }
+        let shares = screen::shares(self.robot, self.data, model, &candidates, self.scales);
+        let mut order: Vec<usize> = (0..shares.len()).collect();
+        order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
+        let mut fitted = vec![false; shares.len()];
+        order.iter().take(FITTED).for_each(|&i| fitted[i] = true);
+        let (mut kept, mut left) = (Vec::new(), Vec::new());
+        for (i, candidate) in candidates.into_iter().enumerate() {
+            if fitted[i] {
+                kept.push(candidate);
+            } else {
+                left.push((candidate, shares[i]));
+            }
+        }
+        (kept, left)
     }
 
     /// Every effect of the catalogue at once, each from its first start: what is compared with, not what is chosen.

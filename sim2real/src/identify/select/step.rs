@@ -25,18 +25,21 @@ impl Selector<'_> {
         let now = steps.now.clone();
         let mut candidates = self.candidates(&now.fit.model);
         candidates.retain(|candidate| stage == Stage::All || is_delay(candidate.kind));
-        steps.most = steps.most.max(candidates.len());
+        let count = candidates.len();
+        steps.most = steps.most.max(count);
+        let (candidates, left) = self.promising(&now.fit.model, candidates);
+        for (candidate, share) in &left {
+            note(&mut steps.rejected, candidate, Gain::NONE, Some(*share));
+        }
         let tried = self.try_all(steps, &now, &candidates);
         for (candidate, judged) in candidates.iter().zip(&tried) {
-            note(
-                &mut steps.rejected,
-                candidate,
-                self.folds.gain(&now.cross, &judged.cross),
-            );
+            let gain = self.folds.gain(&now.cross, &judged.cross);
+            note(&mut steps.rejected, candidate, gain, None);
         }
+        // Those that were not fitted were tried as well: what was fitted is the best of all of them.
         let chosen = match stage {
-            Stage::Delays => self.best(&now, &tried, candidates.len()),
-            Stage::All => self.choose(&now, &candidates, &tried),
+            Stage::Delays => self.best(&now, &tried, count),
+            Stage::All => self.choose(&now, &candidates, &tried, count),
         };
         let Some(next) = chosen else {
             return false;
@@ -87,9 +90,9 @@ impl Selector<'_> {
         candidates.iter().filter_map(|c| known(steps, c)).collect()
     }
 
-    /// The best single effect that is worth it and significant, else the best pair.
-    fn choose(&self, now: &Judged, candidates: &[Candidate], tried: &[Judged]) -> Option<Judged> {
-        if let Some(best) = self.best(now, tried, candidates.len()) {
+    /// The best single effect that is worth it and significant among `count`, else the best pair.
+    fn choose(&self, now: &Judged, candidates: &[Candidate], tried: &[Judged], count: usize) -> Option<Judged> {
+        if let Some(best) = self.best(now, tried, count) {
             return Some(best);
         }
         let mut order: Vec<usize> = (0..tried.len()).collect();
@@ -107,8 +110,7 @@ impl Selector<'_> {
         };
         let pairs: Vec<Judged> = pairs.par_iter().map(pair).collect();
         // A pair must be worth two effects.
-        let count = candidates.len() * candidates.len() / 2;
-        let best = self.best(now, &pairs, count)?;
+        let best = self.best(now, &pairs, count * count / 2)?;
         let gain = self.folds.gain(&now.cross, &best.cross);
         (gain.share >= 2.0 * WORTH).then_some(best)
     }
@@ -130,19 +132,20 @@ impl Selector<'_> {
     }
 }
 
-fn note(rejected: &mut Vec<Rejected>, candidate: &Candidate, gain: Gain) {
+fn note(rejected: &mut Vec<Rejected>, candidate: &Candidate, gain: Gain, at_best: Option<f64>) {
     let own = (candidate.kind, candidate.target);
     match rejected.iter_mut().find(|r| (r.kind, r.target) == own) {
         // The last step counts: it is what the effect does beside all that was taken.
         Some(rejected) => {
             rejected.most = rejected.most.max(gain.share);
-            rejected.gain = gain;
+            (rejected.gain, rejected.at_best) = (gain, at_best);
         }
         None => rejected.push(Rejected {
             kind: candidate.kind,
             target: candidate.target,
             most: gain.share,
             gain,
+            at_best,
             reason: String::new(),
         }),
     }

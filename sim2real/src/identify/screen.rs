@@ -1,0 +1,148 @@
+//! Which of many effects are worth a fit: what each would take of the loss to first order.
+//!
+//! A robot of many joints can have hundreds of effects, and a fit of one takes dozens of rollouts. Here an effect costs one rollout for
+//! each of its starts: by how much it changes the predictions there is a direction, and the loss that the best length along it takes
+//! beside the re-tuned parameters of its joint is the numerator of a score test (Rao 1948). Effects that are fitted from where they do
+//! nothing have a direction for each of their numbers.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+use omniwalk_env::robot::Robot;
+use rayon::prelude::*;
+
+use super::candidates::Candidate;
+use super::fit::Data;
+use super::model::{Model, Term, joint_of};
+use super::scales::Scales;
+
+/// A direction of which re-tuning leaves less than this share is none of its own.
+const OWN: f64 = 1e-6;
+
+/// Share of the loss of `model` that each of `candidates` would take to first order.
+pub fn shares(robot: &Robot, data: &Data, model: &Model, candidates: &[Candidate], scales: &Scales) -> Vec<f64> {
+    let mut by_joint: BTreeMap<Option<usize>, Vec<usize>> = BTreeMap::new();
+    for (i, candidate) in candidates.iter().enumerate() {
+        let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
+        by_joint.entry(joint).or_default().push(i);
+    }
+    let of_joint = |(&joint, own): (&Option<usize>, &Vec<usize>)| {
+        let mut model = model.clone();
+        model.hold_others(robot, joint);
+        let beside = Beside::new(data, &model, own.iter().map(|&i| &candidates[i]), scales);
+        own.iter().copied().zip(beside.shares()).collect::<Vec<_>>()
+    };
+    let found: Vec<(usize, f64)> = by_joint.par_iter().flat_map_iter(of_joint).collect();
+    let mut shares = vec![0.0; candidates.len()];
+    found.into_iter().for_each(|(i, share)| shares[i] = share);
+    shares
+}
+
+/// A way in which a candidate may change the predictions.
+struct Way {
+    /// Columns of its directions.
+    columns: std::ops::Range<usize>,
+    /// Whether only lengths above zero are the effect's: its one direction leads from nothing to its start.
+    forward: bool,
+}
+
+/// What changes the predictions beside the re-tuned parameters of a joint.
+struct Beside {
+    /// Products of the residual (first) and of all directions, less what the re-tuned parameters take of them.
+    left: DMatrix<f64>,
+    /// The same before they took anything.
+    all: DMatrix<f64>,
+    /// Ways of each candidate.
+    ways: Vec<Vec<Way>>,
+}
+
+impl Beside {
+    fn new<'a>(data: &Data, model: &Model, candidates: impl Iterator<Item = &'a Candidate>, scales: &Scales) -> Self {
+        let mut models = vec![model.clone()];
+        models.extend(steps(model, scales, |_| true));
+        let tuned = models.len() - 1;
+        let mut ways = Vec::new();
+        for candidate in candidates {
+            let way = |term: &Term| {
+                let mut there = model.clone();
+                there.put(term.clone());
+                let first = models.len() - tuned;
+                let still = is_still(term);
+                if still {
+                    let free = there.free(scales).len();
+                    // The numbers of a term that is added last are the last ones.
+                    models.extend(steps(&there, scales, |i| i + term.free.len() >= free));
+                } else {
+                    models.push(there);
+                }
+                Way {
+                    columns: first..models.len() - tuned,
+                    forward: !still,
+                }
+            };
+            ways.push(candidate.starts.iter().map(way).collect());
+        }
+        let products = data.products(&models);
+        let (left, all) = without(&products, tuned);
+        Self { left, all, ways }
+    }
+
+    fn shares(&self) -> Vec<f64> {
+        let best = |ways: &Vec<Way>| ways.iter().map(|way| self.share(way)).fold(0.0, f64::max);
+        self.ways.iter().map(best).collect()
+    }
+
+    /// Share of the loss that the best lengths along a way take.
+    fn share(&self, way: &Way) -> f64 {
+        let own: Vec<usize> = way
+            .columns
+            .clone()
+            .filter(|&c| self.left[(c, c)] > OWN * self.all[(c, c)])
+            .collect();
+        let pull = DVector::from_fn(own.len(), |i, _| -self.left[(0, own[i])]);
+        if own.is_empty() || (way.forward && pull[0] <= 0.0) {
+            return 0.0;
+        }
+        let curvature = DMatrix::from_fn(own.len(), own.len(), |i, j| {
+            self.left[(own[i], own[j])] * if i == j { 1.0 + OWN } else { 1.0 }
+        });
+        let taken = curvature
+            .cholesky()
+            .map_or(0.0, |factor| pull.dot(&factor.solve(&pull)));
+        let share = taken / self.left[(0, 0)];
+        if share.is_finite() { share } else { 0.0 }
+    }
+}
+
+/// `model` with each of its fitted numbers that `which` names moved by a step.
+fn steps(model: &Model, scales: &Scales, which: impl Fn(usize) -> bool) -> Vec<Model> {
+    let (x, free) = (model.get(scales), model.free(scales));
+    let moved = |i: usize| {
+        let mut moved = x.clone();
+        moved[i] += free[i].step;
+        model.at(&moved, scales)
+    };
+    (0..x.len()).filter(|&i| which(i)).map(moved).collect()
+}
+
+/// Whether `term` does nothing at its start.
+fn is_still(term: &Term) -> bool {
+    let parameters = &term.kind.info().parameters;
+    term.free.iter().any(|&i| parameters[i].neutral == Some(term.values[i]))
+}
+
+/// `products` of a residual, of `tuned` directions and of others: what is left of the residual and the others when the tuned ones have
+/// taken what they can, and what there was.
+fn without(products: &DMatrix<f64>, tuned: usize) -> (DMatrix<f64>, DMatrix<f64>) {
+    let rest: Vec<usize> = (0..products.nrows()).filter(|&i| i == 0 || i > tuned).collect();
+    let all = DMatrix::from_fn(rest.len(), rest.len(), |i, j| products[(rest[i], rest[j])]);
+    let mut own = products.view((1, 1), (tuned, tuned)).into_owned();
+    for i in 0..tuned {
+        own[(i, i)] *= 1.0 + OWN;
+    }
+    let cross = DMatrix::from_fn(tuned, rest.len(), |i, j| products[(i + 1, rest[j])]);
+    let left = own
+        .cholesky()
+        .map_or_else(|| all.clone(), |factor| &all - cross.tr_mul(&factor.solve(&cross)));
+    (left, all)
+}
