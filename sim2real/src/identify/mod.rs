@@ -5,8 +5,8 @@
 //!     nominal --refit--> re-tuned --select, cross--> + effects --torque--> what is left, and what it depends on
 //! ```
 //!
-//! A robot whose base is held is followed through whole logs. One that walks freely is started anew from the measured state every
-//! 0.3 s (multiple shooting), on level ground, with the base as its inertial measurement unit or odometry says and the lowest corners
+//! A robot whose base is held is followed through whole logs. One that walks freely is started anew from the measured state after every
+//! landing of a foot, at least every 0.3 s (multiple shooting), on level ground, with the base as its inertial measurement unit or odometry says and the lowest corners
 //! of its soles at rest on the ground. What nobody measured of these starts is fitted to each stretch and taken out of its residual
 //! (`starts`), and so is what another model of ground contact would change (`contact`).
 //!
@@ -19,6 +19,7 @@ mod cross;
 mod fit;
 mod information;
 mod interval;
+mod landings;
 mod leftover;
 mod measure;
 mod model;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use omniwalk_env::robot::{Base, Robot};
 
 use super::base::MeasuredBase;
+use super::landings::landings;
 use super::starts::Starts;
 use super::state::{Near, state};
 use crate::recording::{CommandKind, JointRecord, Recording, Series};
@@ -30,11 +31,16 @@ const HELD: Stretch = Stretch {
     warm_up: 0.5,
 };
 /// Of what walks freely: it diverges with the time in which it would fall, sqrt(height / g), and is started anew before that
-/// (multiple shooting). Contacts have formed and servos have answered after the warm-up.
+/// (multiple shooting), and after every landing. Contacts have formed and servos have answered after the warm-up.
 const FREE: Stretch = Stretch {
     longest: 0.3,
     warm_up: 0.06,
 };
+
+/// Rollouts begin so long after a foot was about to land, s.
+const LANDED: f64 = 0.06;
+/// Pieces between landings that are shorter are not compared, s.
+const SHORTEST: f64 = 0.05;
 
 /// Why a log cannot be compared with a robot.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -177,8 +183,6 @@ impl Trial {
         let last = joints.iter().map(|j| end(&j.position)).fold(known.1, f64::min);
         let earliest = first + LEAD + stretch.warm_up;
         let (from, to) = ((first + from).max(earliest), (first + to).min(last));
-        let pieces = ((to - from) / stretch.longest).ceil().max(1.0) as usize;
-        let length = (to - from) / pieces as f64;
         let source = Source {
             recording,
             joints: &joints,
@@ -186,14 +190,19 @@ impl Trial {
             from,
             block,
         };
-        let piece = |i: usize| {
-            let begin = from + i as f64 * length;
+        let piece = |&(begin, end): &(f64, f64)| {
             let start = begin - stretch.warm_up;
             let base = free.then(|| MeasuredBase::at(recording, start)).flatten();
             // Where the base is not known for a while, nothing is compared.
-            (base.is_some() == free).then(|| source.piece(start, (begin, begin + length), base))
+            (base.is_some() == free).then(|| source.piece(start, (begin, end), base))
         };
-        Ok((0..pieces).filter_map(piece).collect())
+        let mut undisturbed = vec![(from, to)];
+        if free {
+            let landings = landings(robot, recording, &joints, (from, to));
+            undisturbed = between(from, &landings, to, stretch.warm_up);
+        }
+        let pieces = undisturbed.iter().flat_map(|&span| equal(span, stretch.longest));
+        Ok(pieces.filter_map(|span| piece(&span)).collect())
     }
 
     /// Index of the start in `initial`.
@@ -220,6 +229,27 @@ impl Trial {
         }
         Ok(robot)
     }
+}
+
+/// The times between landings in which something is compared after a warm-up.
+fn between(from: f64, landings: &[f64], to: f64, warm_up: f64) -> Vec<(f64, f64)> {
+    let begins = landings.iter().map(|landing| landing + LANDED + warm_up);
+    let begins = [from].into_iter().chain(begins);
+    let ends = landings.iter().copied().chain([to]);
+    begins
+        .zip(ends)
+        .filter(|(begin, end)| end - begin >= SHORTEST)
+        .collect()
+}
+
+/// The span from `from` to `to` in pieces of equal length, `longest` at most.
+fn equal((from, to): (f64, f64), longest: f64) -> impl Iterator<Item = (f64, f64)> {
+    let pieces = ((to - from) / longest).ceil().max(1.0) as usize;
+    let length = (to - from) / pieces as f64;
+    (0..pieces).map(move |i| {
+        let begin = from + i as f64 * length;
+        (begin, begin + length)
+    })
 }
 
 /// What pieces are cut from.
