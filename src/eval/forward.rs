@@ -52,6 +52,7 @@ pub fn nominal(config: &mut EnvConfig) {
     config.latency.enabled = false;
     config.friction.enabled = false;
     config.randomise.pd_noise = 0.0;
+    config.randomise.effects = false;
     config.randomise.mass = 0.0;
     config.randomise.centre_of_mass = 0.0;
 }

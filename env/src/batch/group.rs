@@ -8,6 +8,8 @@ use crate::actuators::Actuators;
 use crate::clock::Clock;
 use crate::engine::{Engine, Maker, lanes};
 use crate::error::EnvError;
+use crate::random::Stream;
+use crate::robot::Robot;
 use crate::task::environment::{Environment, Scratch};
 use crate::task::episode::{End, Episode, Fault, Outcome};
 use crate::task::poses::Poses;
@@ -62,7 +64,7 @@ impl Group {
     pub fn new(shared: &Shared, engines: &dyn Maker, first: usize, worlds: usize) -> Result<Self, EnvError> {
         Ok(Self {
             engine: engines.make(&shared.robot, &shared.ground, &shared.config, worlds)?,
-            actuators: Actuators::new(&shared.robot, shared.config.physics_dt(), worlds),
+            actuators: actuators(shared, first, worlds),
             environments: (0..worlds)
                 .map(|w| Environment::new(shared, first + w))
                 .collect::<Result<_, _>>()?,
@@ -74,6 +76,11 @@ impl Group {
             observer: RowObserver::new(&shared.spec),
             clock: Clock::new(),
         })
+    }
+
+    /// Draws the actuators anew, for another seed; the group's first environment is number `first`.
+    pub fn redraw(&mut self, shared: &Shared, first: usize) {
+        self.actuators = actuators(shared, first, self.environments.len());
     }
 
     pub fn reset(&mut self, shared: &Shared, observations: &mut [f32]) {
@@ -254,4 +261,18 @@ fn sound<'a>(truth: Option<&'a Truth>, observation: &[f32]) -> Result<&'a Truth,
         Some(entry) => Err(Fault::Observation(entry)),
         None => Ok(truth),
     }
+}
+
+/// The stream of an environment that is drawn from once, whatever the episode.
+const ONCE: u64 = u64::MAX;
+
+/// Actuators of `worlds` environments from number `first` on, each with its own draw of what the robot gives ranges for.
+fn actuators(shared: &Shared, first: usize, worlds: usize) -> Actuators {
+    let (robot, dt) = (&*shared.robot, shared.config.physics_dt());
+    if robot.ranges.is_empty() || !shared.config.randomise.effects {
+        return Actuators::new(robot, dt, worlds);
+    }
+    let drawn = |w: usize| robot.drawn(&mut Stream::new(shared.seed, (first + w) as u64, ONCE));
+    let robots: Vec<Robot> = (0..worlds).map(drawn).collect();
+    Actuators::of(&robots.iter().collect::<Vec<_>>(), dt)
 }

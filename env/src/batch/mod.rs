@@ -190,6 +190,10 @@ impl Batch {
     /// Starts over with the first episodes of `seed`, as in a new batch; what was set of commands and rewards stays.
     pub fn reseed(&mut self, seed: u64) {
         self.shared.seed = seed;
+        let width = self.width();
+        for (g, group) in self.groups.iter_mut().enumerate() {
+            group.redraw(&self.shared, g * width);
+        }
         self.each(Environment::start_over);
         self.reset();
     }

@@ -286,6 +286,8 @@ pub struct RandomiseConfig {
     pub centre_of_mass: f64,
     /// Standard deviation of the joints' start positions around the nominal pose, rad or m; 0: off.
     pub start_position: f64,
+    /// Whether each environment draws the values that the robot gives a `[[range]]` for; without, they are those of its effects.
+    pub effects: bool,
 }
 
 /// Section `[push]`: random pushes at the base.

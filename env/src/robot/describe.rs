@@ -112,7 +112,7 @@ fn write_links(out: &mut String, robot: &Robot) -> fmt::Result {
 }
 
 fn write_effects(out: &mut String, robot: &Robot) -> fmt::Result {
-    if !robot.effects.is_empty() {
+    if !robot.effects.is_empty() || !robot.ranges.is_empty() {
         writeln!(out, "\neffects")?;
     }
     for effect in &robot.effects {
@@ -132,6 +132,17 @@ fn write_effects(out: &mut String, robot: &Robot) -> fmt::Result {
             write!(out, " over {} points of {}", grid.len(), variable.name())?;
         }
         writeln!(out)?;
+    }
+    for range in &robot.ranges {
+        let (info, joint) = (range.kind.info(), robot.dof(range.target));
+        let parameter = &info.parameters[range.parameter];
+        let unit = parameter.scale.unit(joint.kind == JointKind::Prismatic);
+        let (lower, upper) = (range.lower, range.upper);
+        writeln!(
+            out,
+            "  {:<24} {:<24} {} drawn from {lower} to {upper} {unit}",
+            info.id, joint.name, parameter.name
+        )?;
     }
     Ok(())
 }

@@ -32,28 +32,29 @@ pub(super) fn add(robot: &mut Robot, settings: &Settings, source: &Source) -> Re
     Ok(())
 }
 
-struct Entry<'a> {
-    entry: &'a EffectEntry,
-    source: &'a Source,
+/// A table with an effect's id, what it is on, and something for its parameters.
+pub(super) struct Entry<'a> {
+    pub entry: &'a EffectEntry,
+    pub source: &'a Source,
 }
 
 impl Entry<'_> {
-    fn error(&self, at: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> RobotError {
+    pub fn error(&self, at: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> RobotError {
         self.source.error(at, message, help)
     }
 
-    fn find(&self, key: &str) -> Option<&Spanned<Value>> {
+    pub fn find(&self, key: &str) -> Option<&Spanned<Value>> {
         let own = self.entry.iter().find(|(name, _)| name.get_ref() == key);
         own.map(|(_, value)| value)
     }
 
     /// Where the table stands: its first key.
-    fn start(&self) -> Range<usize> {
+    pub fn start(&self) -> Range<usize> {
         let spans = self.entry.keys().map(Spanned::span);
         spans.min_by_key(|span| span.start).unwrap_or(0..0)
     }
 
-    fn needed(&self, key: &str, help: &str) -> Result<&Spanned<Value>, RobotError> {
+    pub fn needed(&self, key: &str, help: &str) -> Result<&Spanned<Value>, RobotError> {
         self.find(key)
             .ok_or_else(|| self.error(self.start(), format!("an effect without `{key}`"), help))
     }
@@ -80,7 +81,7 @@ impl Entry<'_> {
         info.parameters.iter().map(|p| self.value(info, p)).collect()
     }
 
-    fn check_keys(&self, id: &str, names: &[&str]) -> Result<(), RobotError> {
+    pub fn check_keys(&self, id: &str, names: &[&str]) -> Result<(), RobotError> {
         let known = |key: &str| key == "id" || key == "match" || names.contains(&key);
         match self.entry.keys().find(|key| !known(key.get_ref())) {
             None => Ok(()),
@@ -116,7 +117,7 @@ impl Entry<'_> {
         Ok(number)
     }
 
-    fn targets(&self, robot: &Robot, info: &Info) -> Result<Vec<usize>, RobotError> {
+    pub fn targets(&self, robot: &Robot, info: &Info) -> Result<Vec<usize>, RobotError> {
         let (what, names): (_, Vec<&str>) = match info.site {
             Site::Joint => (
                 "joint",

@@ -9,7 +9,7 @@ use super::settings::Settings;
 use super::source::{RobotError, Source};
 use super::tree::{self, Tree};
 use super::urdf::Urdf;
-use super::{Base, Kinematics, Robot, effects, feet, joints, mirror};
+use super::{Base, Kinematics, Robot, effects, feet, joints, mirror, ranges};
 
 /// Smallest inertia (kg m^2) or mass (kg) that a degree of freedom may move.
 const SMALLEST_INERTIA: f64 = 1e-12;
@@ -148,6 +148,7 @@ fn assemble(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<(Robot,
         overlap_pairs,
         urdf: urdf.text().to_owned(),
         effects: Vec::new(),
+        ranges: Vec::new(),
         notes,
     };
     Ok((robot, tree))
@@ -191,6 +192,7 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         return Err(urdf.link_error(root, message, "give it an <inertial>, or set base = \"fixed\""));
     }
     effects::add(&mut robot, settings, source)?;
+    ranges::add(&mut robot, settings, source)?;
     if let Some(words) = &settings.mirror {
         robot.mirror = Some(mirror::map(&robot, words, source)?);
     }

@@ -13,6 +13,7 @@ mod kinematics;
 mod load;
 mod mass;
 mod mirror;
+mod ranges;
 mod settings;
 mod source;
 mod tree;
@@ -22,6 +23,7 @@ mod urdf_text;
 pub use describe::describe;
 pub use kinematics::Kinematics;
 pub use load::{files, load, load_with, massless_joints};
+pub use ranges::{EffectRange, can_vary};
 pub(crate) use settings::matches;
 pub use source::{ContentError, RobotError, Source};
 
@@ -71,6 +73,8 @@ pub struct Robot {
     pub urdf: String,
     /// What it does beyond the nominal model. Effects on bodies are in `links` already.
     pub effects: Vec<Effect>,
+    /// What is known of its effects' values only to lie within bounds: environments draw it.
+    pub ranges: Vec<EffectRange>,
     /// What loading had to assume: missing meshes, links without collision shape, defaults that were used.
     pub notes: Vec<String>,
 }

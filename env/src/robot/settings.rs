@@ -47,6 +47,11 @@
 //! over = ["position"]
 //! position = [-1.0, 0.0, 1.0]
 //! values = [0.1, 0.0, -0.1]
+//!
+//! [[range]]                              # an effect's values that environments draw, uniformly; `identify` writes its intervals
+//! id = "stribeck_friction"
+//! match = ["*_knee"]
+//! torque = [0.3, 0.5]
 //! ```
 
 use std::collections::BTreeMap;
@@ -76,9 +81,10 @@ pub(super) struct Settings {
     pub mirror: Option<Mirror>,
     pub contact: Vec<ContactEntry>,
     pub effect: Vec<EffectEntry>,
+    pub range: Vec<EffectEntry>,
 }
 
-/// The keys of an `[[effect]]`: which there are depends on its id.
+/// The keys of an `[[effect]]` or a `[[range]]`: which there are depends on its id.
 pub(super) type EffectEntry = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
 
 #[derive(Clone, Copy, Deserialize)]

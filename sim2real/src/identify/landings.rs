@@ -51,3 +51,70 @@ pub fn landings(robot: &Robot, recording: &Recording, joints: &[&JointRecord], (
     }
     landings
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use nalgebra::UnitQuaternion;
+    use omniwalk_env::robot::load;
+
+    use super::*;
+    use crate::recording::{ImuRecord, Samples, Series};
+
+    const URDF: &str = r#"<robot name="treader"><link name="trunk"><inertial><mass value="4"/><inertia ixx="0.05" iyy="0.05" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="left"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="right"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="left_leg" type="prismatic"><parent link="trunk"/><child link="left"/><origin xyz="0 0.1 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="30" velocity="8"/></joint>
+<joint name="right_leg" type="prismatic"><parent link="trunk"/><child link="right"/><origin xyz="0 -0.1 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="30" velocity="8"/></joint></robot>"#;
+    const TOML: &str = "base = \"floating\"\n[[foot]]\nlink = \"left\"\nsole = [0.0, 0.0, -0.3]\nsize = [0.2, 0.1]\n\
+        [[foot]]\nlink = \"right\"\nsole = [0.0, 0.0, -0.3]\nsize = [0.2, 0.1]\n";
+
+    /// A foot that is up to `height` m in the air for 0.3 s from `begin` on, read at 200 Hz.
+    fn steps(name: &str, swings: &[(f64, f64)]) -> JointRecord {
+        let time: Vec<f64> = (0..300).map(|k| f64::from(k) * 5e-3).collect();
+        let at = |t: f64| {
+            let own = swings.iter().filter(|(begin, _)| (0.0..0.3).contains(&(t - begin)));
+            own.map(|(begin, height)| height * (PI * (t - begin) / 0.3).sin()).sum()
+        };
+        JointRecord {
+            name: name.to_owned(),
+            position: Series {
+                value: time.iter().map(|&t| at(t)).collect(),
+                time,
+            },
+            ..JointRecord::default()
+        }
+    }
+
+    #[test]
+    fn a_foot_lands_where_it_comes_down_from_the_air() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("treader.urdf"), URDF).expect("written");
+        std::fs::write(folder.path().join("robot.toml"), TOML).expect("written");
+        let robot = load(folder.path()).expect("a robot");
+        let still = Samples {
+            time: vec![0.0, 1.5],
+            value: vec![Vector3::zeros(); 2],
+        };
+        let recording = Recording {
+            imu: Some(ImuRecord {
+                orientation: Samples {
+                    time: vec![0.0, 1.5],
+                    value: vec![UnitQuaternion::from_euler_angles(0.01, 0.02, 1.0); 2],
+                },
+                angular_velocity: still,
+                ..ImuRecord::default()
+            }),
+            ..Recording::default()
+        };
+        // The last is within what attitude and encoders may be off by.
+        let left = steps("left_leg", &[(0.2, 0.04), (1.0, 0.008)]);
+        let right = steps("right_leg", &[(0.6, 0.04)]);
+        let found = landings(&robot, &recording, &[&left, &right], (0.0, 1.5));
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (landing, end) in found.iter().zip([0.5, 0.9]) {
+            assert!((0.0..0.04).contains(&(end - landing)), "{landing} for {end}");
+        }
+    }
+}

@@ -146,3 +146,79 @@ fn without(products: &DMatrix<f64>, tuned: usize) -> (DMatrix<f64>, DMatrix<f64>
         .map_or_else(|| all.clone(), |factor| &all - cross.tr_mul(&factor.solve(&cross)));
     (left, all)
 }
+
+#[cfg(test)]
+mod tests {
+    use omniwalk_env::effect::{Effect, Kind, apply};
+    use omniwalk_env::robot::load;
+
+    use super::super::candidates;
+    use super::super::rollout;
+    use super::super::trial::Trial;
+    use super::*;
+    use crate::recording::{JointRecord, Recording, Series};
+
+    const URDF: &str = r#"<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 -0.15"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0 0 -0.15"/><mass value="0.5"/><inertia ixx="0.005" iyy="0.005" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="8"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 -0.3"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="8"/></joint></robot>"#;
+    const TOML: &str = "base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\nkp = 30.0\nkd = 1.0\ntorque_limit = 20.0\nspeed_limit = 8.0\narmature = 0.02\ndamping = 0.1\nfriction = 0.2\n";
+    const ELBOW: usize = 1;
+
+    /// A log of 6 s in which `name` is told to swing.
+    fn swing(name: &str, rate: f64) -> JointRecord {
+        let time: Vec<f64> = (0..1200).map(|k| f64::from(k) * 5e-3).collect();
+        let value: Vec<f64> = time
+            .iter()
+            .map(|t| 0.5 * (rate * t).sin() + 0.2 * (2.7 * rate * t).sin())
+            .collect();
+        let series = Series { time, value };
+        JointRecord {
+            name: name.to_owned(),
+            command: series.clone(),
+            position: series,
+            ..JointRecord::default()
+        }
+    }
+
+    #[test]
+    fn what_is_missing_takes_the_whole_loss_to_first_order_and_comes_first() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("arm.urdf"), URDF).expect("written");
+        std::fs::write(folder.path().join("robot.toml"), TOML).expect("written");
+        let robot = load(folder.path()).expect("a robot");
+        let recording = Recording {
+            name: "log".into(),
+            joints: vec![swing("shoulder", 2.0), swing("elbow", 2.6)],
+            ..Recording::default()
+        };
+        for (kind, values) in [(Kind::ExternalForce, vec![0.3]), (Kind::CommandDelay, vec![0.015])] {
+            let mut truth = robot.clone();
+            apply(&mut truth, &Effect::new(kind, ELBOW, &values));
+            let trials = Trial::cut(&robot, &recording, 0, (0.0, f64::INFINITY), 0.5).expect("trials");
+            let mut data = Data::new(&robot, trials).expect("data");
+            let scales = Scales::new(&robot, &data.trials);
+            for trial in &mut data.trials {
+                let told = rollout::predict(trial, std::slice::from_ref(&truth), 1).expect("a rollout");
+                trial
+                    .readings
+                    .iter_mut()
+                    .zip(told)
+                    .for_each(|(reading, q)| reading.position = q);
+            }
+            let model = Model::nominal(&robot, &data.trials);
+            let candidates = candidates::all(&robot, &data, &model, &scales, &vec![Vec::new(); 2]);
+            let shares = shares(&robot, &data, &model, &candidates, &scales);
+            let own = candidates
+                .iter()
+                .position(|c| (c.kind, c.target) == (kind, ELBOW))
+                .expect("a candidate");
+            assert!(shares[own] > 0.9, "{kind:?} takes {}", shares[own]);
+            let before = shares.iter().filter(|share| **share > shares[own] + 1e-3).count();
+            // A delay of the readings is told from one of the commands by no more than what the start was.
+            assert!(before <= 1, "{before} come before {kind:?}");
+            assert!(shares.iter().all(|share| (0.0..1.0 + 1e-6).contains(share)));
+        }
+    }
+}

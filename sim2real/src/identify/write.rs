@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use omniwalk_env::effect::{Kind, Place, Site};
+use omniwalk_env::robot::can_vary;
 
 use super::leftover::Leftover;
 use super::model::Model;
@@ -33,6 +34,7 @@ pub fn extended(
     text += "\n# Identified from logs.\n";
     text += &entries(task, &selection.last.model, intervals);
     text += &entries(task, &tables(&left.model), &[]);
+    text += &ranges(task, &selection.last.model, intervals);
     let path = folder.join("robot.toml");
     std::fs::write(&path, text).map_err(failed(&path))?;
     Ok(folder)
@@ -45,6 +47,35 @@ fn tables(model: &Model) -> Model {
         tuned: Vec::new(),
         terms: model.terms.iter().filter(table).cloned().collect(),
     }
+}
+
+/// The intervals of the effects that were found, for training to draw from.
+fn ranges(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
+    let mut out = String::new();
+    let mut half = intervals.iter().skip(model.tuned.len());
+    for term in &model.terms {
+        let info = term.kind.info();
+        let own: Vec<(usize, f64)> = term.free.iter().copied().zip(half.by_ref().copied()).collect();
+        let known = own.iter().filter(|(_, half)| half.is_finite() && *half > 0.0);
+        if !can_vary(term.kind) || known.clone().next().is_none() {
+            continue;
+        }
+        let name = &task.robot.dof(term.target).name;
+        let _ = write!(out, "\n[[range]]\nid = {:?}\nmatch = [{name:?}]\n", info.id);
+        for &(i, half) in known {
+            let (value, bounds) = (term.values[i], info.parameters[i].bounds);
+            // What is there is there: half of it is left.
+            let least = if value > 0.0 { 0.5 * value } else { bounds.lower };
+            let lower = (value - half).max(least).max(bounds.lower);
+            let _ = writeln!(
+                out,
+                "{} = [{lower:?}, {:?}]",
+                info.parameters[i].name,
+                (value + half).min(bounds.upper)
+            );
+        }
+    }
+    out
 }
 
 fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {

@@ -5,10 +5,12 @@ mod record;
 mod rig;
 mod walker;
 
+use std::path::Path;
+
 use omniwalk_env::effect::Kind;
 use omniwalk_env::robot::Base;
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
-use rig::{identify, logs, rig};
+use rig::{identify, identify_into, logs, rig};
 
 /// Every name in the accepted effects and the sets that cannot be told apart.
 fn named(outcome: &Outcome) -> Vec<String> {
@@ -40,7 +42,9 @@ fn a_model_that_only_needs_other_values_lacks_nothing() {
 /// Whether `kind` with `values` is named, alone, and its first value found.
 fn is_found(kind: Kind, values: &[f64]) {
     let truth = rig(&[(kind, values)]);
-    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let folder = tempfile::tempdir().expect("a folder");
+    let heldout = Some(logs(&truth, 2, 100));
+    let outcome = identify_into(folder.path(), &rig(&[]), logs(&truth, 6, 1), heldout);
     let named = named(&outcome);
     assert_eq!(outcome.verdict, Verdict::Explained, "{named:?}");
     assert_eq!(named, [kind.id()]);
@@ -48,6 +52,20 @@ fn is_found(kind: Kind, values: &[f64]) {
     assert!((value / values[0] - 1.0).abs() < 0.15, "{value} for {}", values[0]);
     let closed = outcome.gap_closed.expect("a gap");
     assert!(closed > 0.8, "{closed}");
+    training_draws_from_the_interval(&folder.path().join("robot"), &outcome);
+}
+
+/// The robot that was written has the range of each value found: its interval, less what would be less than half the effect.
+fn training_draws_from_the_interval(robot: &Path, outcome: &Outcome) {
+    let robot = omniwalk_env::robot::load(robot).expect("the robot that was written");
+    assert!(!robot.ranges.is_empty());
+    for range in &robot.ranges {
+        let found = &outcome.accepted[0].parameters[range.kind.info().parameters[range.parameter].name];
+        let [low, high] = found.ci95.expect("an interval");
+        assert_eq!(range.kind.id(), outcome.accepted[0].effect);
+        assert!((range.upper - high).abs() < 1e-9 * high.abs() && range.lower < found.value);
+        assert!((range.lower - low.max(0.5 * found.value)).abs() < 1e-9 * found.value.abs());
+    }
 }
 
 #[test]

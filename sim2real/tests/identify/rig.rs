@@ -60,16 +60,20 @@ pub fn logs(truth: &Robot, count: u64, first: u64) -> Vec<Recording> {
 
 /// Identifies `robot` from `logs`.
 pub fn identify(robot: &Robot, logs: Vec<Recording>, heldout: Option<Vec<Recording>>) -> Outcome {
-    let folder = tempfile::tempdir().expect("a folder");
-    write(folder.path(), RIG);
+    identify_into(tempfile::tempdir().expect("a folder").path(), robot, logs, heldout)
+}
+
+/// The same, what is written into `folder`.
+pub fn identify_into(folder: &Path, robot: &Robot, logs: Vec<Recording>, heldout: Option<Vec<Recording>>) -> Outcome {
+    write(folder, RIG);
     let open = || Ok(heldout.clone().unwrap_or_default());
     let task = Task {
         robot,
-        files: (folder.path().join("rig.urdf"), Some(folder.path().join("robot.toml"))),
+        files: (folder.join("rig.urdf"), Some(folder.join("robot.toml"))),
         logs,
         heldout: heldout.is_some().then_some(&open),
         compare: false,
-        out: folder.path(),
+        out: folder,
     };
     identify::run(&task, &|line| println!("{line}")).expect("an outcome")
 }
