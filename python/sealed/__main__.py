@@ -4,6 +4,7 @@
     python -m sealed run fixed --out DIR --results DIR [--program omniwalk]
     python -m sealed summary --out DIR --results DIR
     python -m sealed walk POLICY.omni --machine walk --seed 1000 --out DIR
+    python -m sealed close --seeds 0-4 --from RUN --out DIR --results DIR [--program omniwalk]
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import shlex
 from pathlib import Path
 
 from . import cases, generate, loop, runner, summary
+from .closing import Closing, table
 
 
 def seeds(text: str) -> list[int]:
@@ -45,10 +47,18 @@ def main() -> None:
     judge.set_defaults(run=_summary)
     walk = commands.add_parser("walk", help="lets a policy walk in the sealed world of a case: falls and velocity errors")
     walk.add_argument("policy", type=Path)
-    walk.add_argument("--machine", choices=["walk"], required=True)
+    walk.add_argument("--machine", choices=["walk", "worn"], required=True)
     walk.add_argument("--seed", type=int, required=True)
     walk.add_argument("--out", type=Path, required=True, help="folder for the same as JSON")
     walk.set_defaults(run=_walk)
+    close = commands.add_parser("close", help="the whole loop over worlds with worn knees: walk, identify, train on, walk again")
+    close.add_argument("--seeds", type=seeds, required=True)
+    close.add_argument("--from", dest="run_before", type=Path, required=True, help="the run whose policy walks")
+    close.add_argument("--out", type=Path, required=True, help="where logs, robots and runs are made")
+    close.add_argument("--results", type=Path, required=True, help="folder for a small file a world")
+    close.add_argument("--program", default="omniwalk", help="the command [omniwalk]")
+    close.add_argument("--steps", type=int, default=4_000_000, help="of the training that goes on [4,000,000]")
+    close.set_defaults(run=_close)
     arguments = parser.parse_args()
     arguments.run(arguments)
 
@@ -68,9 +78,16 @@ def _summary(arguments) -> None:
 
 
 def _walk(arguments) -> None:
-    plays = loop.play(arguments.policy, arguments.seed)
+    plays = loop.play(arguments.policy, arguments.seed, machine=arguments.machine)
     loop.write(plays, arguments.policy, arguments.seed, arguments.out)
     print(loop.table(plays))
+
+
+def _close(arguments) -> None:
+    closing = Closing(shlex.split(arguments.program), arguments.run_before, arguments.out, arguments.steps)
+    for seed in arguments.seeds:
+        closing.world(seed, arguments.results)
+    print(table(arguments.results))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .generate import generate, name_of
+from .walk_case import POLICY
 
 FIXED = [("rig", seed) for seed in range(72)] + [("leg", seed) for seed in range(32)] + [("walk", seed) for seed in range(8)]
 """Machine and seed; to be run once, after the procedure is frozen."""
@@ -19,9 +20,9 @@ REHEARSAL = [
 LISTS = {"fixed": FIXED, "rehearsal": REHEARSAL}
 
 
-def ensure(machine: str, seed: int, out: Path) -> Path:
-    """The folder of a case, made if its truth, which is written last, is not there."""
+def ensure(machine: str, seed: int, out: Path, walker: Path = POLICY) -> Path:
+    """The folder of a case, made if its truth, which is written last, is not there; `walker` is the policy of machines that walk."""
     name = name_of(machine, seed)
     if not (out / "truth" / f"{name}.json").exists():
-        generate(machine, seed, out)
+        generate(machine, seed, out, walker=walker)
     return out / "cases" / name

@@ -150,6 +150,27 @@ def draw_case(
     return Case(kind)
 
 
+WORN: dict[str, dict[str, Range]] = {
+    "coulomb_friction": {"torque": (0.4, 0.8)},
+    "backlash": {"gap": (0.02, 0.04)},
+    "command_delay": {"time": (0.02, 0.04)},
+}
+"""What is wrong with a worn knee, all at once: more of it than of single faults, so that a policy feels it."""
+
+WORN_KNEES = [["left_knee_pitch"], ["right_knee_pitch"], ["left_knee_pitch", "right_knee_pitch"]]
+"""Of consecutive seeds."""
+
+
+def draw_worn(seed: int, rng: np.random.Generator, scales: dict[str, dict[str, float]]) -> Case:
+    """A robot with worn knees."""
+    faults = []
+    for joint in WORN_KNEES[seed % len(WORN_KNEES)]:
+        for name, ranges in WORN.items():
+            values = {key: float(rng.uniform(*bounds)) * scales[joint].get(f"{name}.{key}", 1.0) for key, bounds in ranges.items()}
+            faults.append(Effect(name, joint, values))
+    return Case("worn", faults)
+
+
 def scales(torque: float, speed: float, motion: float) -> dict[str, float]:
     """Typical torque (N m), speed (rad/s) and motion (rad) of a joint as what drawn shares are multiplied with."""
     of_torque = [

@@ -22,21 +22,21 @@ SECONDS = 6.0
 LOW_GAIN = 0.6
 """What every other motion of the rig has of the servo's kp."""
 
-MACHINES = ["rig", "leg", "walk"]
+MACHINES = ["rig", "leg", "walk", "worn"]
 
 
 def name_of(kind: str, seed: int) -> str:
     return f"{kind}-{seed:04d}"
 
 
-def generate(kind: str, seed: int, out: Path, seconds: float | None = None) -> Path:
+def generate(kind: str, seed: int, out: Path, seconds: float | None = None, walker: Path = walk_case.POLICY) -> Path:
     """Writes case `seed` of a machine under `out/cases`, its truth under `out/truth`; gives the case's folder.
 
-    Each log lasts `seconds`, or as long as this machine's do.
+    Each log lasts `seconds`, or as long as this machine's do; `walker` is the policy of machines that walk.
     """
     folder = out / "cases" / name_of(kind, seed)
-    if kind == "walk":
-        truth = walk_case.write(seed, folder, seconds or walk_case.SECONDS)
+    if kind in ("walk", "worn"):
+        truth = walk_case.write(seed, folder, seconds or walk_case.SECONDS, kind, walker)
     else:
         truth = _on_a_stand(kind, seed, folder, seconds or SECONDS)
     path = out / "truth" / f"{name_of(kind, seed)}.json"

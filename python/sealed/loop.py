@@ -39,9 +39,11 @@ class Play:
     """rad/s"""
 
 
-def play(policy: Path, case: int, commands=COMMANDS, seeds=SEEDS, seconds: float = SECONDS) -> list[Play]:
-    """Lets a policy file walk in the sealed world of case `case` of the machine `walk`."""
-    world, read = walk_case.world(case), walk_case.policy(policy)
+def play(
+    policy: Path, case: int, commands=COMMANDS, seeds=SEEDS, seconds: float = SECONDS, machine: str = "walk"
+) -> list[Play]:
+    """Lets a policy file walk in the sealed world of case `case` of a machine that walks."""
+    world, read = walk_case.world(case, machine), walk_case.policy(policy)
     plays = []
     for command in commands:
         for seed in seeds:

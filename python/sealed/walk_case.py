@@ -57,10 +57,13 @@ def typical() -> dict[str, dict[str, float]]:
     return scales
 
 
-def world(seed: int) -> World:
-    """The sealed world of a case."""
-    rng = np.random.default_rng([seed, zlib.crc32(b"walk")])
-    case = effects.draw_case(seed, rng, maker().carriers(), typical(), effects.WALKING)
+def world(seed: int, machine: str = "walk") -> World:
+    """The sealed world of a case of the machine `walk`, or `worn`, whose knees are."""
+    rng = np.random.default_rng([seed, zlib.crc32(machine.encode())])
+    if machine == "worn":
+        case = effects.draw_worn(seed, rng, typical())
+    else:
+        case = effects.draw_case(seed, rng, maker().carriers(), typical(), effects.WALKING)
     return World(maker(), replace(case, effects=[_placed(effect) for effect in case.effects]), rng)
 
 
@@ -72,16 +75,16 @@ def _placed(effect: Effect) -> Effect:
     return replace(effect, parameters=effect.parameters | {"from": start})
 
 
-def write(seed: int, folder: Path, seconds: float) -> dict:
-    """Writes robot and logs of case `seed` into `folder`; gives the truth."""
-    sealed = world(seed)
+def write(seed: int, folder: Path, seconds: float, machine: str = "walk", walker: Path = POLICY) -> dict:
+    """Writes robot and logs of case `seed` of a machine, in which the policy `walker` walks, into `folder`; gives the truth."""
+    sealed, read = world(seed, machine), policy(walker)
     shutil.copytree(ROBOT, folder / "robot", dirs_exist_ok=True)
     floors, walks = {}, {}
     for part, count in LOGS:
         for number in range(count):
             key = [seed, 1 if part == "fit" else 2, number]
             tour = commands.tour(np.random.default_rng(key), seconds)
-            walked = sealed.walk(policy(), tour, seconds, np.random.default_rng([*key, 1]))
+            walked = sealed.walk(read, tour, seconds, np.random.default_rng([*key, 1]))
             late = np.random.default_rng([*key, 2])
             log = f"{part}/{number:02d}-tour"
             groups = {"motion": f"{part}{number}"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mcap_ros2.reader import read_ros2_messages
 
-from sealed import effects, generate, loop, track, walk_case
+from sealed import closing, effects, generate, loop, track, walk_case
 from sealed.commands import steady, tour
 from sealed.effects import Case, Effect
 from sealed.walk import STANDING, World
@@ -141,3 +141,46 @@ def test_plays_are_summed_up(tmp_path):
     assert "| all | 2 of 3 | 3.0 | 0.040 | 0.040 |" in table
     content = json.loads(loop.write(plays, Path("some/policy.omni"), 1000, tmp_path).read_text())
     assert content["totals"]["falls"] == 2 and len(content["walks"]) == 3
+
+
+def test_worn_knees_have_play_friction_and_a_delay_and_a_seed_says_which():
+    typical = {joint: {"coulomb_friction.torque": 10.0} for joint in ("left_knee_pitch", "right_knee_pitch")}
+    for seed, joints in enumerate(effects.WORN_KNEES):
+        case = effects.draw_worn(seed, np.random.default_rng(seed), typical)
+        assert case.effects == effects.draw_worn(seed, np.random.default_rng(seed), typical).effects
+        assert {(effect.name, effect.joint) for effect in case.effects} == {(name, joint) for name in effects.WORN for joint in joints}
+        assert all(4.0 <= effect.get("torque") <= 8.0 for effect in case.effects if effect.name == "coulomb_friction")
+
+
+def test_the_loop_is_closed_once_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    totals = {"walks": 20, "falls": 3, "velocity_error": 0.2, "turn_error": None}
+    calls = []
+
+    def called(self, *arguments):
+        calls.append([str(argument) for argument in arguments])
+        made = Path(arguments[arguments.index("--out") + 1 if "--out" in arguments else arguments.index("--run") + 1])
+        if arguments[0] == "identify":
+            made.mkdir()
+            (made / "report.json").write_text(json.dumps({"verdict": "explained", "accepted": []}))
+        elif arguments[0] == "train":
+            made.mkdir(exist_ok=True)
+            if "with" == made.name and len([call for call in calls if "train" in call]) < 3:
+                raise KeyboardInterrupt
+        else:
+            made.touch()
+
+    monkeypatch.setattr(closing.Closing, "_call", called)
+    monkeypatch.setattr(closing, "ensure", lambda machine, seed, out, walker: out / "cases" / f"{machine}-{seed:04d}")
+    monkeypatch.setattr(closing.loop, "play", lambda *_, **__: [])
+    monkeypatch.setattr(closing.loop, "totals", lambda _: totals)
+    closed = closing.Closing(["omniwalk"], tmp_path / "run", tmp_path / "out", 1000)
+    with pytest.raises(KeyboardInterrupt):
+        closed.world(3, tmp_path / "results")
+    closed.world(3, tmp_path / "results")
+    closed.world(3, tmp_path / "results")
+    trained = [call for call in calls if call[0] == "train"]
+    robot = f'robot.path="{(tmp_path / "out/worn-0003/found/robot").resolve()}"'
+    assert [robot in call for call in trained] == [False, True, False] and "--resume" in trained[2]
+    assert [call[0] for call in calls].count("identify") == 1
+    rows = closing.table(tmp_path / "results").splitlines()
+    assert len(rows) == 5 and rows[2] == "| worn-0003 | as it was | 3 of 20 | 0.200 | - |"
