@@ -1,11 +1,9 @@
 //! Values of effects that every environment draws: `[[range]]` in a robot's TOML.
 
-mod support;
-
 use std::path::Path;
 use std::sync::Arc;
 
-use omniwalk_env::config::{EngineKind, EnvConfig};
+use omniwalk_env::config::EnvConfig;
 use omniwalk_env::effect::Kind;
 use omniwalk_env::random::Stream;
 use omniwalk_env::robot::{self, Robot, RobotError};
@@ -76,7 +74,7 @@ fn values_are_drawn_within_their_ranges_by_the_seed_alone() {
 
 /// The default without anything random.
 fn still(effects: bool) -> EnvConfig {
-    let mut config = support::config(EngineKind::Lanes);
+    let mut config: EnvConfig = toml::from_str(include_str!("../../configs/default.toml")).expect("the defaults");
     config.noise.enabled = false;
     config.latency.enabled = false;
     config.push.enabled = false;

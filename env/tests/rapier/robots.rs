@@ -53,6 +53,7 @@ pub fn robot(base: Base, links: Vec<Link>, joints: Vec<Joint>) -> Robot {
         overlap_pairs: Vec::new(),
         urdf: String::new(),
         effects: Vec::new(),
+        ranges: Vec::new(),
         notes: Vec::new(),
     }
 }
