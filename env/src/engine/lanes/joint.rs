@@ -15,7 +15,7 @@
 //! of most robots cost the product that finds their velocity.
 
 use super::factor::row_product;
-use super::group::Group;
+use super::group::{Group, JointDrive};
 use super::lane::Lane;
 use super::model::Model;
 use super::work::{JointRow, Work};
@@ -41,6 +41,7 @@ pub fn apply_drives<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work
         row.drive_min = dt * drive.torque_min;
         row.drive_max = dt * drive.torque_max;
         let start = row.wanted.clamp(row.drive_min, row.drive_max);
+        let start = whole(drive, torque, start);
         row.held = start;
         row.held_slope = implicit(row, row.wanted_slope, L::zero());
         row.drive_extra = L::zero();
@@ -51,6 +52,13 @@ pub fn apply_drives<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work
         work.change[model.root + d] += start;
         work.mass_matrix[model.rows[model.root + d].diagonal()] += row.held_slope;
     }
+}
+
+/// `impulse`, or not a number where a number of the drive is none: the clamps would swallow it and the world stand as if sound.
+#[inline(always)]
+fn whole<L: Lane>(drive: &JointDrive<L>, torque: L, impulse: L) -> L {
+    let sound = L::zero() * torque + (drive.torque_max - drive.torque_min) + drive.friction;
+    L::of(f64::NEG_INFINITY).select_lt(sound, impulse, L::of(f64::NAN))
 }
 
 /// `yes` where the drive's impulse lies within its clamp at the old velocity, else `no`.

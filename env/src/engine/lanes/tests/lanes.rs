@@ -109,6 +109,41 @@ fn a_broken_world_disturbs_no_other_and_recovers_by_reset() {
 }
 
 #[test]
+fn a_number_of_the_drive_that_is_none_breaks_its_world_alone() {
+    type Numbers = fn(&mut Drive) -> &mut Vec<f64>;
+    let fields: [(&str, Numbers); 7] = [
+        ("target", |drive| &mut drive.target),
+        ("stiffness", |drive| &mut drive.stiffness),
+        ("damping", |drive| &mut drive.damping),
+        ("feed_forward", |drive| &mut drive.feed_forward),
+        ("torque_min", |drive| &mut drive.torque_min),
+        ("torque_max", |drive| &mut drive.torque_max),
+        ("friction", |drive| &mut drive.friction),
+    ];
+    let robot = robots::biped();
+    let seeds: Vec<_> = (0..20).collect();
+    for level in levels() {
+        let mut undisturbed = run(&robot, level, &seeds, 60);
+        undisturbed.step(&drive(&robot, &seeds, 60));
+        for (name, numbers) in &fields {
+            let mut engine = run(&robot, level, &seeds, 60);
+            let mut drive = drive(&robot, &seeds, 60);
+            // World 5, joint 2.
+            numbers(&mut drive)[2 * seeds.len() + 5] = f64::NAN;
+            engine.step(&drive);
+            for w in 0..20 {
+                assert_eq!(engine.is_finite(w), w != 5, "{}: {name}, world {w}", level.name());
+                assert!(
+                    w == 5 || bits(&engine, w) == bits(&undisturbed, w),
+                    "{}: {name}, world {w}",
+                    level.name()
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn a_saved_world_goes_on_with_the_same_bits_in_another_batch() {
     let robot = robots::biped();
     for level in levels() {
