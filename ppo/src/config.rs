@@ -34,6 +34,10 @@ pub struct Config {
     pub minibatch: usize,
     /// Weight of the mean entropy (of the action vector) in the loss.
     pub entropy_weight: f64,
+    /// Weight of the squared distance between the mode of an action, by which a policy is judged, and its mean, around which it learns
+    /// (of the action vector, in ranges of an action) in the loss.
+    #[serde(default)]
+    pub mode_weight: f64,
     /// Weight of the value loss, half the mean squared error.
     pub value_weight: f64,
     /// Largest norm of a network's gradient; a longer one is shortened. Actor and critic are clipped on their own.
@@ -141,6 +145,11 @@ impl Config {
         check(
             self.entropy_weight.is_finite() && self.entropy_weight >= 0.0,
             "entropy_weight",
+            "at least 0",
+        )?;
+        check(
+            self.mode_weight.is_finite() && self.mode_weight >= 0.0,
+            "mode_weight",
             "at least 0",
         )?;
         check(positive(self.value_weight), "value_weight", "above 0")?;

@@ -25,6 +25,7 @@ pub(crate) fn config(policy: Head, activation: Activation) -> Config {
         epochs: 1,
         minibatch: 100,
         entropy_weight: 0.02,
+        mode_weight: 0.3,
         value_weight: 0.6,
         max_gradient_norm: 1.0,
         normalise_observations: false,
@@ -70,10 +71,10 @@ fn outputs(network: &Network, parameters: &[f64], input: &[f64]) -> Vec<f64> {
     values
 }
 
-/// Log-probability of an action and entropy.
-fn judge(head: Head, outputs: &[f64], action: &[f64]) -> (f64, f64) {
+/// Log-probability of an action, entropy, and squared distance of mode and mean.
+fn judge(head: Head, outputs: &[f64], action: &[f64]) -> (f64, f64, f64) {
     let softplus = |z: f64| z.exp().ln_1p();
-    let (mut log_probability, mut entropy) = (0.0, 0.0);
+    let (mut log_probability, mut entropy, mut distance) = (0.0, 0.0, 0.0);
     for i in 0..ACTIONS {
         let (first, second) = (outputs[i], outputs[ACTIONS + i]);
         let (l, e) = match head {
@@ -82,6 +83,7 @@ fn judge(head: Head, outputs: &[f64], action: &[f64]) -> (f64, f64) {
                     alpha: 1.0 + softplus(first),
                     beta: 1.0 + softplus(second),
                 };
+                distance += (this.mode() - this.alpha / (this.alpha + this.beta)).powi(2);
                 (this.log_probability(action[i]).value, this.entropy().value)
             }
             Head::Gaussian => {
@@ -95,7 +97,7 @@ fn judge(head: Head, outputs: &[f64], action: &[f64]) -> (f64, f64) {
         log_probability += l;
         entropy += e;
     }
-    (log_probability, entropy)
+    (log_probability, entropy, distance)
 }
 
 fn rollout(random: &mut ChaCha8Rng) -> Rollout {
@@ -139,8 +141,8 @@ fn check(head: Head, activation: Activation) {
 
     let policy_loss = |now: &[f64]| -> f64 {
         let of = |(observation, action, advantage, _): &(Vec<f64>, Vec<f64>, f64, f64)| {
-            let (old, _) = judge(head, &outputs(learned.actor, &before, observation), action);
-            let (new, entropy) = judge(head, &outputs(learned.actor, now, observation), action);
+            let (old, ..) = judge(head, &outputs(learned.actor, &before, observation), action);
+            let (new, entropy, distance) = judge(head, &outputs(learned.actor, now, observation), action);
             let ratio = (new - old).exp();
             let bounded = ratio.clamp(1.0 - config.clip, 1.0 + config.clip);
             let surrogate = (ratio * advantage).min(bounded * advantage);
@@ -149,7 +151,7 @@ fn check(head: Head, activation: Activation) {
             } else {
                 surrogate
             };
-            -surrogate - config.entropy_weight * entropy
+            -surrogate - config.entropy_weight * entropy + config.mode_weight * distance
         };
         samples.iter().map(of).sum::<f64>() / count as f64
     };

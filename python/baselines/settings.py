@@ -18,6 +18,7 @@ EQUAL = {
     "ppo.policy": "gaussian",
     "ppo.schedule": {"type": "fixed"},
     "ppo.dual_clip": 0.0,
+    "ppo.mode_weight": 0.0,
     "curriculum.scheduler": False,
     "curriculum.velocity_start": 1.0,
     "curriculum.foot_start": 1.0,

@@ -59,6 +59,7 @@ VARIANTS = {
     "no-mass-randomisation": ("ours: masses and centre of mass varied", None, {"randomise.mass": 0.0, "randomise.centre_of_mass": 0.0}),
     "no-margin": ("ours: legs kept apart while training", None, {"task.overlap_margin": 0.0}),
     "no-gate": ("ours: curriculum gated on performance", None, {"curriculum.gated": False}),
+    "no-mode-term": ("ours: the mode kept near the mean", None, {"ppo.mode_weight": 0.0}),
     "fixed-rate": ("ours: learning rate adapts", None, {"ppo.schedule": {"type": "fixed"}}),
     "mirror-samples": ("not ours: mirrored samples instead of symmetry", None, {"clock.symmetric": False, "train.mirror": True}),
 }

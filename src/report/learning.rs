@@ -13,7 +13,7 @@ const PANEL: (u32, u32) = (420, 190);
 const HEAD: u32 = 76;
 
 /// Columns of the metrics, their title, and whether the axis counts powers of ten.
-const PANELS: [(&[&str], &str, bool); 28] = [
+const PANELS: [(&[&str], &str, bool); 29] = [
     (&["reward/total"], "reward a second, all terms", false),
     (&["reward/velocity"], "reward a second for velocity", false),
     (&["reward/foot"], "reward a second for feet", false),
@@ -51,6 +51,11 @@ const PANELS: [(&[&str], &str, bool); 28] = [
     (&["curriculum/foot_factor"], "curriculum factor C_foot", false),
     (&["ppo/kl"], "KL divergence of an update, nats", false),
     (&["ppo/entropy"], "entropy of the actions, nats", false),
+    (
+        &["ppo/mode_distance"],
+        "mode from mean, share of an action's range",
+        false,
+    ),
     (&["ppo/value_loss"], "loss of the critic", false),
     (&["ppo/explained_variance"], "returns the critic explains, share", false),
     (&["ppo/learning_rate"], "learning rate", true),

@@ -21,7 +21,7 @@ pub fn figures(trainer: &Trainer, report: &Report) -> Vec<Figure> {
 }
 
 /// Names of [`figures`], in order.
-pub const NAMES: [&str; 62] = [
+pub const NAMES: [&str; 63] = [
     "update",
     "seconds",
     "steps_per_second",
@@ -78,6 +78,7 @@ pub const NAMES: [&str; 62] = [
     "ppo/entropy",
     "ppo/kl",
     "ppo/clip_fraction",
+    "ppo/mode_distance",
     "ppo/learning_rate",
     "ppo/policy_gradient_norm",
     "ppo/value_gradient_norm",
@@ -178,6 +179,7 @@ fn learning(report: &Report) -> Vec<Figure> {
         ("ppo/entropy", learning.entropy),
         ("ppo/kl", learning.kl),
         ("ppo/clip_fraction", learning.clip_fraction),
+        ("ppo/mode_distance", learning.mode_distance),
         ("ppo/learning_rate", learning.learning_rate),
         ("ppo/policy_gradient_norm", learning.policy_gradient_norm),
         ("ppo/value_gradient_norm", learning.value_gradient_norm),

@@ -11,6 +11,9 @@ use crate::{
 /// Samples keep this distance from 0 and 1, where the logarithm is infinite.
 pub(crate) const MARGIN: f32 = 1e-6;
 
+/// Where mode and mean are compared, `alpha + beta - 2` is at least this.
+const SMALLEST: f64 = 1e-12;
+
 /// A Beta distribution with both parameters at least 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beta {
@@ -57,6 +60,21 @@ impl Beta {
     /// Differential entropy.
     pub fn entropy(&self) -> Differentiated {
         simd::dispatch(Evaluate(*self, |family: &Family| self.entropy_with(family)))
+    }
+
+    /// Squared distance of mode and mean, `(mode - mean) = (alpha - beta) / (s (s + 2))` with `s = alpha + beta - 2`.
+    #[inline(always)]
+    pub(crate) fn skew(&self) -> Differentiated {
+        let sum = (self.alpha + self.beta - 2.0).max(SMALLEST);
+        let divisor = sum * (sum + 2.0);
+        let distance = (self.alpha - self.beta) / divisor;
+        let common = distance * (2.0 * sum + 2.0);
+        let scale = 2.0 * distance / divisor;
+        Differentiated {
+            value: distance * distance,
+            by_first: scale * (1.0 - common),
+            by_second: scale * (-1.0 - common),
+        }
     }
 
     /// Divergence from `old` to `self`, the mean of `ln(old density / own density)` over `old`; derivatives by the
@@ -172,6 +190,7 @@ pub(super) fn terms<S: Simd>(first: f32, second: f32, action: f32, reference: [f
     Terms {
         log_probability: by_outputs(this.log_probability_with(&family, ln::<S>(x), ln::<S>(1.0 - x))),
         entropy: by_outputs(this.entropy_with(&family)),
+        skew: by_outputs(this.skew()),
         kl: this.kl_with(&family, reference),
     }
 }

@@ -119,6 +119,11 @@ pub(super) fn terms<S: Simd>(first: f32, second: f32, action: f32, reference: [f
     Terms {
         log_probability: by_outputs(this.log_probability_with(2.0 * f64::from(action) - 1.0, ln_deviation)),
         entropy: by_outputs(this.entropy_with(ln_deviation)),
+        skew: Differentiated {
+            value: 0.0,
+            by_first: 0.0,
+            by_second: 0.0,
+        },
         kl: this.kl_with(reference, ln_deviation),
     }
 }

@@ -24,6 +24,7 @@ pub(crate) struct LossCoefficients {
     /// Ratio beyond which a sample with a negative advantage teaches nothing more; infinity: none.
     pub dual_clip: f64,
     pub entropy_weight: f64,
+    pub mode_weight: f64,
     /// One over the samples of the minibatch.
     pub scale: f64,
 }
@@ -33,6 +34,8 @@ pub(crate) struct LossCoefficients {
 pub(crate) struct LossSums {
     pub policy_loss: f64,
     pub entropy: f64,
+    /// Squared distances of mode and mean.
+    pub skew: f64,
     pub kl: f64,
     pub clipped: f64,
 }
@@ -42,6 +45,7 @@ impl LossSums {
     pub(crate) fn add(&mut self, other: Self) {
         self.policy_loss += other.policy_loss;
         self.entropy += other.entropy;
+        self.skew += other.skew;
         self.kl += other.kl;
         self.clipped += other.clipped;
     }
@@ -54,6 +58,7 @@ pub(crate) struct HeadScratch {
     second: Vec<f32>,
     log_probability: [Vec<f64>; 3],
     entropy: [Vec<f64>; 3],
+    skew: [Vec<f64>; 3],
     kl: Vec<f64>,
 }
 
@@ -65,6 +70,7 @@ impl HeadScratch {
             second: vec![0.0; rows * actions],
             log_probability: std::array::from_fn(|_| buffer()),
             entropy: std::array::from_fn(|_| buffer()),
+            skew: std::array::from_fn(|_| buffer()),
             kl: buffer(),
         }
     }
@@ -105,11 +111,13 @@ impl Elements<'_> {
             second,
             log_probability: [l, l1, l2],
             entropy: [e, e1, e2],
+            skew: [s, s1, s2],
             kl,
         } = self.scratch;
         let (first, second, references) = (&first[..count], &second[..count], &self.references[..count]);
         let (l, l1, l2) = (&mut l[..count], &mut l1[..count], &mut l2[..count]);
         let (e, e1, e2) = (&mut e[..count], &mut e1[..count], &mut e2[..count]);
+        let (s, s1, s2) = (&mut s[..count], &mut s1[..count], &mut s2[..count]);
         let kl = &mut kl[..count];
         for i in 0..count {
             let terms = terms(first[i], second[i], self.actions[i], references[i]);
@@ -125,6 +133,12 @@ impl Elements<'_> {
                 by_second,
             } = terms.entropy;
             (e[i], e1[i], e2[i]) = (value, by_first, by_second);
+            let Differentiated {
+                value,
+                by_first,
+                by_second,
+            } = terms.skew;
+            (s[i], s1[i], s2[i]) = (value, by_first, by_second);
             kl[i] = terms.kl;
         }
     }
@@ -176,6 +190,7 @@ pub(crate) fn loss(
         let active = ratio * advantage <= bounded * advantage && !runaway;
         sums.policy_loss -= (ratio.min(coefficients.dual_clip) * advantage).min(bounded * advantage);
         sums.entropy += scratch.entropy[0][of.clone()].iter().sum::<f64>();
+        sums.skew += scratch.skew[0][of.clone()].iter().sum::<f64>();
         sums.kl += scratch.kl[of.clone()].iter().sum::<f64>();
         sums.clipped += f64::from(u8::from(bounded != ratio));
         let by_log_probability = if active {
@@ -184,14 +199,16 @@ pub(crate) fn loss(
             0.0
         };
         let by_entropy = -coefficients.scale * coefficients.entropy_weight;
+        let by_skew = coefficients.scale * coefficients.mode_weight;
         for parameter in 0..2 {
             let log_probability = &scratch.log_probability[1 + parameter][of.clone()];
             let entropy = &scratch.entropy[1 + parameter][of.clone()];
-            for (i, (l, e)) in log_probability.iter().zip(entropy).enumerate() {
+            let skew = &scratch.skew[1 + parameter][of.clone()];
+            for (i, ((l, e), s)) in log_probability.iter().zip(entropy).zip(skew).enumerate() {
                 gradient.set(
                     row,
                     parameter * actions + i,
-                    (by_log_probability * l + by_entropy * e) as f32,
+                    (by_log_probability * l + by_entropy * e + by_skew * s) as f32,
                 );
             }
         }

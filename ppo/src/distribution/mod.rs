@@ -58,5 +58,7 @@ pub struct Differentiated {
 pub(crate) struct Terms {
     pub log_probability: Differentiated,
     pub entropy: Differentiated,
+    /// Squared distance of mode and mean.
+    pub skew: Differentiated,
     pub kl: f64,
 }

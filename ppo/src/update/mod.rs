@@ -27,6 +27,8 @@ pub struct UpdateStats {
     pub value_loss: f64,
     /// Mean entropy of the action vector, nats.
     pub entropy: f64,
+    /// Square root of the mean squared distance of mode and mean, over samples and dimensions, in ranges of an action.
+    pub mode_distance: f64,
     /// Mean divergence from the policy that collected the samples, nats.
     pub kl: f64,
     /// Share of samples whose probability ratio was outside the clip range.
@@ -142,6 +144,7 @@ impl Learner {
             policy_loss: total.policy.policy_loss / count,
             value_loss: 0.5 * total.squared_error / count,
             entropy: total.policy.entropy / count,
+            mode_distance: (total.policy.skew / count / self.data.action_len as f64).sqrt(),
             kl: total.policy.kl / count,
             clip_fraction: total.policy.clipped / count,
             learning_rate: *learned.learning_rate,
@@ -173,6 +176,7 @@ impl Learner {
                 f64::INFINITY
             },
             entropy_weight: config.entropy_weight,
+            mode_weight: config.mode_weight,
             scale: 1.0 / indices.len() as f64,
         };
         let value_scale = config.value_weight / indices.len() as f64;

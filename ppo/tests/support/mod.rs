@@ -22,6 +22,7 @@ pub fn config() -> Config {
         epochs: 5,
         minibatch: 256,
         entropy_weight: 0.0,
+        mode_weight: 0.0,
         value_weight: 1.0,
         max_gradient_norm: 1.0,
         normalise_observations: true,
