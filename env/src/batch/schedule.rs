@@ -1,19 +1,19 @@
 //! Who steps which group: threads change groups, so that all of them are done at the same time however unlike their cores are.
 //!
 //! Two groups on two cores, one of which is slowed down by other work or made for saving power, would take as long as the
-//! slow one takes. So whoever is a few steps ahead of a group takes that one over, and its thread goes on with another.
+//! slow one takes. So whoever is well ahead of a group half way takes that one over, and its thread goes on with another.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Most groups that are scheduled: of more there are enough for every core to find another when it is done with one.
 pub const GROUPS: usize = 16;
 
-/// Steps by which a group may be ahead of another at the end, and the share of the steps that are left before.
+/// Steps by which a group must be ahead of another to be exchanged for it.
 ///
-/// An exchange costs half a step of waiting and a group's numbers on their way from one core's cache to another's, and none is
-/// needed while there is time to catch up: what counts is that all groups end together.
-const LEAD: usize = 4;
-const SHARE: usize = 8;
+/// An exchange costs the threads two steps: a group's numbers go from one core's cache to another's. Chance leads of a few steps
+/// are better left alone, and between cores that differ it comes cheapest once, half way: the lead of the first half is then
+/// made up for in the second. What is left over is looked at half way through what is left, and so on.
+const LEAD: usize = 8;
 
 /// Which steps are done and who is at what.
 pub struct Schedule {
@@ -76,14 +76,20 @@ impl Schedule {
         if board.done[group] == self.steps || board.wanted[group] && board.free(self.steps).is_some() {
             return self.change(board, group);
         }
-        let lead = LEAD.max((self.steps - board.done[group]) / SHARE);
         let behind = (0..board.groups)
-            .filter(|&other| board.done[other] + lead <= board.done[group] && !board.wanted[other])
+            .filter(|&other| board.done[other] + LEAD <= board.done[group] && !board.wanted[other])
+            .filter(|_| self.is_half_way(board.done[group]))
             .min_by_key(|&other| board.done[other]);
         match behind {
             None => Some((group, board.done[group])),
             Some(other) => self.exchange(board, group, other),
         }
+    }
+
+    /// Whether half of the steps, or of what a half left, and so on, is left after `done`.
+    fn is_half_way(&self, done: usize) -> bool {
+        let left = self.steps - done;
+        (1..=self.steps.ilog2()).any(|halvings| self.steps >> halvings == left)
     }
 
     /// Leaves `group` to others and takes one that nobody has.
@@ -173,7 +179,7 @@ mod tests {
 
     #[test]
     fn a_thread_that_is_ahead_exchanges_groups_with_one_that_is_behind() {
-        let schedule = Schedule::new(2, LEAD * SHARE);
+        let schedule = Schedule::new(2, 2 * LEAD);
         assert_eq!(schedule.begin(), Some((0, 0)));
         std::thread::scope(|scope| {
             let fast = scope.spawn(|| {
@@ -193,11 +199,12 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_exchanged_while_there_is_time_to_catch_up() {
-        let schedule = Schedule::new(2, 160);
+    fn groups_are_exchanged_half_way_through_what_is_left_and_not_in_between() {
+        let schedule = Schedule::new(2, 100);
+        let half_way: Vec<_> = (0..100).filter(|&done| schedule.is_half_way(done)).collect();
+        assert_eq!(half_way, [50, 75, 88, 94, 97, 99]);
         assert_eq!((schedule.begin(), schedule.begin()), (Some((0, 0)), Some((1, 0))));
-        // 143 steps are left where 17 are done, and an eighth of that is 17.
-        for step in 1..17 {
+        for step in 1..50 {
             assert_eq!(schedule.proceed(1), Some((1, step)));
         }
         assert!(!schedule.board().wanted[0]);
