@@ -32,6 +32,14 @@ pub struct Config {
     pub foot_start: f64,
     /// C_foot becomes C_foot^k_d at each update.
     pub foot_decay: f64,
+    /// Share of the largest push while the region is the core; it grows to the whole with the region.
+    #[serde(default = "whole")]
+    pub push_start: f64,
+}
+
+/// What configurations written before a share's key meant.
+fn whole() -> f64 {
+    1.0
 }
 
 impl Config {
@@ -82,6 +90,7 @@ impl Config {
             "curriculum.foot_decay",
             "above 0 and at most 1",
         );
+        require(share(self.push_start), "curriculum.push_start", "0 to 1");
         found
     }
 }
@@ -144,6 +153,11 @@ impl Curriculum {
         self.foot
     }
 
+    /// Share of the largest push that pushes are drawn up to.
+    pub fn push_factor(&self, config: &Config) -> f64 {
+        config.push_start + self.level * (1.0 - config.push_start)
+    }
+
     /// One update further.
     pub fn advance(&mut self, config: &Config, performance: &Performance) {
         let follow = |value: &mut f64, new: f64| *value += SMOOTHING * (new - *value);
@@ -203,6 +217,7 @@ mod tests {
             velocity_gate_foot: 0.0,
             foot_start: 0.05,
             foot_decay: 0.995,
+            push_start: 0.5,
         }
     }
 
@@ -219,20 +234,23 @@ mod tests {
     }
 
     #[test]
-    fn the_region_grows_from_the_core_to_the_whole_in_zeta_updates() {
+    fn the_region_grows_from_the_core_to_the_whole_in_zeta_updates_and_pushes_with_it() {
         let config = thesis();
         let mut curriculum = Curriculum::new(&config);
         let region = |c: &Curriculum| c.bounds(&config, [-0.6; 3], [0.6; 3]);
         assert_eq!(region(&curriculum), ([0.4, 0.0, 0.0], [0.4, 0.0, 0.0]));
+        assert_eq!(curriculum.push_factor(&config), 0.5);
         for _ in 0..50 {
             curriculum.advance(&config, &Performance::default());
         }
         let (lower, upper) = region(&curriculum);
         assert!((lower[0] + 0.1).abs() < 1e-9 && (upper[0] - 0.5).abs() < 1e-9 && (upper[2] - 0.3).abs() < 1e-9);
+        assert!((curriculum.push_factor(&config) - 0.75).abs() < 1e-9);
         for _ in 0..60 {
             curriculum.advance(&config, &Performance::default());
         }
         assert_eq!(region(&curriculum), ([-0.6; 3], [0.6; 3]));
+        assert_eq!(curriculum.push_factor(&config), 1.0);
     }
 
     #[test]

@@ -214,12 +214,34 @@ fn a_state_of_another_configuration_is_refused() {
 }
 
 #[test]
+fn pushes_are_drawn_up_to_the_curriculums_share_of_the_largest() {
+    let trajectory = |largest: f64, share: f64| {
+        let mut config = config(EngineKind::Lanes);
+        config.push.enabled = true;
+        config.push.interval = 0.2;
+        config.push.force = largest;
+        let mut batch = Batch::new(robot("nimbro_op2x"), &config, 3, 7).unwrap();
+        batch.set_factors(Factors {
+            velocity: 1.0,
+            foot: 1.0,
+            push: share,
+        });
+        let mut player = Player::new(1, &batch);
+        (0..40).for_each(|_| player.step(&mut batch));
+        bits(batch.observations())
+    };
+    assert_eq!(trajectory(100.0, 0.25), trajectory(25.0, 1.0));
+    assert_ne!(trajectory(100.0, 0.25), trajectory(100.0, 1.0));
+}
+
+#[test]
 fn a_number_that_is_not_finite_loses_its_episode_and_is_traced_to_where_it_came_up() {
     for engine in EngineKind::ALL {
         let mut bad_reward = batch(engine, 3);
         bad_reward.set_factors(Factors {
             velocity: f64::NAN,
             foot: 1.0,
+            push: 1.0,
         });
         let lost_to = |batch: &mut Batch| {
             let actions = vec![0.5; 3 * batch.shared().spec.action_len()];
@@ -238,6 +260,7 @@ fn a_number_that_is_not_finite_loses_its_episode_and_is_traced_to_where_it_came_
         bad_reward.set_factors(Factors {
             velocity: 1.0,
             foot: 1.0,
+            push: 1.0,
         });
         bad_reward.step(&vec![0.5; 3 * bad_reward.shared().spec.action_len()]);
         assert_eq!((bad_reward.ends(), bad_reward.faults()), (&[None; 3][..], &[][..]));

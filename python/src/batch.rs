@@ -280,10 +280,15 @@ impl Batch {
         Ok(())
     }
 
-    /// Sets the curriculum's factors on the velocity and the foot term of the reward; both are 1 at first.
-    fn set_reward_factors(&self, velocity: f64, foot: f64) -> PyResult<()> {
-        finite("a factor", &[velocity, foot])?;
-        self.inner().batch.set_factors(Factors { velocity, foot });
+    /// Sets the curriculum's factors on the velocity and the foot term of the reward, and on the largest force of pushes; all
+    /// are 1 at first.
+    #[pyo3(signature = (velocity, foot, push = 1.0))]
+    fn set_factors(&self, velocity: f64, foot: f64, push: f64) -> PyResult<()> {
+        finite("a factor", &[velocity, foot, push])?;
+        if push < 0.0 {
+            return Err(refuse(format!("the factor on pushes must not be negative, not {push}")));
+        }
+        self.inner().batch.set_factors(Factors { velocity, foot, push });
         Ok(())
     }
 }

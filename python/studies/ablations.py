@@ -56,6 +56,7 @@ VARIANTS = {
     "no-slip-term": ("ours: slip penalty", None, {"reward.slip_weight": 0.0}),
     "no-tap-term": ("ours: a price on touchdowns that do not alternate", None, {"reward.tap_weight": 0.0}),
     "no-pushes": ("ours: pushes", None, {"push.enabled": False}),
+    "no-push-curriculum": ("ours: pushes that grow with the region", None, {"curriculum.push_start": 1.0}),
     "no-mass-randomisation": ("ours: masses and centre of mass varied", None, {"randomise.mass": 0.0, "randomise.centre_of_mass": 0.0}),
     "no-margin": ("ours: legs kept apart while training", None, {"task.overlap_margin": 0.0}),
     "no-gate": ("ours: curriculum gated on performance", None, {"curriculum.gated": False}),

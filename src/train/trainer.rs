@@ -236,6 +236,7 @@ impl Trainer {
         self.batch.set_factors(Factors {
             velocity: curriculum.velocity_factor(),
             foot: curriculum.foot_factor(),
+            push: curriculum.push_factor(&self.settings.curriculum),
         });
         self.batch.set_range(CommandRange {
             lower,

@@ -122,11 +122,12 @@ impl Group {
             clock,
             ..
         } = self;
+        let largest_push = factors.push * shared.config.push.force;
         clock.begin();
         let engine = &mut **engine;
         let actions = actions.chunks_exact(shared.spec.action_len());
         for (w, (environment, action)) in environments.iter_mut().zip(actions).enumerate() {
-            environment.act(shared, engine, actuators, w, action);
+            environment.act(shared, engine, actuators, w, action, largest_push);
         }
         clock.lap(ACTIONS);
         let (dt, worlds) = (shared.config.physics_dt(), environments.len());

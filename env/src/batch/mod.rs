@@ -89,6 +89,7 @@ impl Batch {
             factors: Factors {
                 velocity: 1.0,
                 foot: 1.0,
+                push: 1.0,
             },
             observations: vec![0.0; environments * observation_len],
             final_observations: vec![0.0; environments * observation_len],
@@ -141,7 +142,7 @@ impl Batch {
         &self.faults
     }
 
-    /// Sets the curriculum's factors on the reward.
+    /// Sets the curriculum's factors on the reward and on pushes.
     pub fn set_factors(&mut self, factors: Factors) {
         self.factors = factors;
     }

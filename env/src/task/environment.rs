@@ -220,6 +220,7 @@ impl Environment {
         actuators: &mut Actuators,
         world: usize,
         action: &[f32],
+        largest_push: f64,
     ) {
         self.previous_targets.copy_from_slice(&self.targets);
         self.pipeline.decode(&shared.spec, action, &mut self.targets);
@@ -236,7 +237,7 @@ impl Environment {
             let (lower, upper) = joint.limits;
             actuators.set_target(joint.dof, world, target.clamp(lower, upper));
         }
-        self.push(shared, engine, world);
+        self.push(shared, engine, world, largest_push);
     }
 
     /// Takes in the foot loads of one physics step of `dt` s, N: every `worlds`-th of `loads` from the first on.
@@ -346,7 +347,7 @@ impl Environment {
         }
     }
 
-    fn push(&mut self, shared: &Shared, engine: &mut dyn Engine, world: usize) {
+    fn push(&mut self, shared: &Shared, engine: &mut dyn Engine, world: usize, largest: f64) {
         let push = &shared.config.push;
         if !push.enabled {
             return;
@@ -359,7 +360,7 @@ impl Environment {
             }
         } else if self.stream.unit() < dt / push.interval {
             let angle = self.stream.uniform(0.0, std::f64::consts::TAU);
-            let force = self.stream.uniform(0.0, push.force);
+            let force = self.stream.uniform(0.0, largest);
             engine.push(world, Vector3::new(force * angle.cos(), force * angle.sin(), 0.0));
             self.push_steps = (push.duration / dt).round().max(1.0) as u32;
         }

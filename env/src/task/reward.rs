@@ -78,13 +78,15 @@ impl Terms {
     }
 }
 
-/// The curriculum's factors on the reward.
+/// The curriculum's factors on the reward and on pushes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Factors {
     /// C_v, on the velocity term, and on that of taps: who does not walk yet may shuffle.
     pub velocity: f64,
     /// C_foot, on the foot term.
     pub foot: f64,
+    /// On the largest force of random pushes.
+    pub push: f64,
 }
 
 /// The true motion of the base that the velocity term judges.

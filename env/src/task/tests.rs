@@ -79,7 +79,7 @@ impl Stage {
             actuators,
             environment,
         } = self;
-        environment.act(shared, &mut **engine, actuators, 0, action);
+        environment.act(shared, &mut **engine, actuators, 0, action, 0.0);
         let target = |joint: &super::shared::PolicyJoint| actuators.target(joint.dof, 0);
         shared.joints.iter().map(target).collect()
     }
@@ -128,6 +128,7 @@ fn the_reward_of_a_step_is_weight_times_factor_times_kernel_times_the_duration_o
     let factors = Factors {
         velocity: 0.5,
         foot: 0.25,
+        push: 1.0,
     };
     let terms = environment.judge(&stage.shared, &*stage.engine, 0, &truth, true, factors);
     let near = |value: f64, by_hand: f64| assert!((value - by_hand).abs() < 1e-12, "{value} is not {by_hand}");

@@ -304,5 +304,5 @@ class Batch:
         """Sets the desired velocity of an environment (m/s, m/s, rad/s), from its next observation on and in later episodes."""
     def set_command_range(self, lower: Sequence[float], upper: Sequence[float]) -> None:
         """Sets where every environment draws desired velocities from, from its next draw on (m/s, m/s, rad/s)."""
-    def set_reward_factors(self, velocity: float, foot: float) -> None:
-        """Sets the curriculum's factors on the velocity and the foot term of the reward; both are 1 at first."""
+    def set_factors(self, velocity: float, foot: float, push: float = 1.0) -> None:
+        """Sets the curriculum's factors on the velocity and the foot term of the reward, and on the largest force of pushes; all are 1 at first."""

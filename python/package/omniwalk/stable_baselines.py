@@ -92,9 +92,9 @@ class VecEnv(base.VecEnv):
         """Sets where every robot draws desired velocities from, from its next draw on."""
         self._batch.set_command_range(lower, upper)
 
-    def set_reward_factors(self, velocity: float, foot: float) -> None:
-        """Sets the curriculum's factors on the velocity and the foot term of the reward."""
-        self._batch.set_reward_factors(velocity, foot)
+    def set_factors(self, velocity: float, foot: float, push: float = 1.0) -> None:
+        """Sets the curriculum's factors on the velocity and the foot term of the reward, and on the largest force of pushes."""
+        self._batch.set_factors(velocity, foot, push)
 
     # The robots are one object: what is asked of each of them is answered by it.
 
