@@ -54,8 +54,8 @@ pub struct Config {
 pub enum Schedule {
     /// It does not.
     Fixed {},
-    /// After each minibatch, by the divergence of the current policy from the one that collected the samples: divided
-    /// by 1.5 above twice the target, multiplied by 1.5 below half of it.
+    /// After each update, by the divergence of its last epoch's policies from the one that collected the samples: the rate is multiplied by
+    /// the root of the target's ratio to it, 1.5 at most and 1 / 1.5 at least.
     Adaptive {
         /// Wanted divergence, nats, of the action vector.
         kl_target: f64,

@@ -19,7 +19,7 @@ for seed in ${*:-1 2 3 4 5}; do
     if [ ! -f "$run/eval.txt" ]; then
         suites=falls,changes,push
         [ "$seed" = 1 ] && suites=all
-        "$omniwalk" eval "$run" --suite "$suites" --seed 5000 > "$run/eval.draft"
+        "$omniwalk" eval "$run" --suite "$suites" --seed 8000 > "$run/eval.draft"
         mv "$run/eval.draft" "$run/eval.txt"
     fi
     mkdir -p "$here/seed-$seed"

@@ -107,8 +107,8 @@ impl Learner {
         let minibatches = minibatches(samples);
         stats.explained_variance = self.data.explained_variance(&rollout.values);
         let mut random = ChaCha8Rng::seed_from_u64(key);
-        let mut total = MinibatchSums::default();
-        let mut total_count = 0;
+        let (mut total, mut total_count) = (MinibatchSums::default(), 0);
+        let (mut last_kl, mut last_count) = (0.0, 0);
         for epoch in 0..config.epochs {
             self.data.shuffle(&mut random);
             for minibatch in 0..minibatches {
@@ -121,14 +121,9 @@ impl Learner {
                     stats.skipped += 1;
                     continue;
                 }
-                // Before the first step the divergence is zero and says nothing.
-                if epoch + minibatch > 0 {
-                    *learned.learning_rate = adapt(
-                        config.schedule,
-                        *learned.steps,
-                        *learned.learning_rate,
-                        sums.policy.kl / count as f64,
-                    );
+                if epoch + 1 == config.epochs {
+                    last_kl += sums.policy.kl;
+                    last_count += count;
                 }
                 step(learned, norms);
                 stats.steps += 1;
@@ -137,6 +132,10 @@ impl Learner {
                 total.add(sums);
                 total_count += count;
             }
+        }
+        if last_count > 0 {
+            let kl = last_kl / last_count as f64;
+            *learned.learning_rate = adapt(config.schedule, *learned.steps, *learned.learning_rate, kl);
         }
         learned.normaliser.merge(&self.data.raw);
         let (steps, count) = (stats.steps.max(1) as f64, total_count.max(1) as f64);
@@ -234,7 +233,12 @@ fn norm(network: &Network) -> f64 {
     network.tiles.iter().map(|tile| tile.squared).sum::<f64>().sqrt()
 }
 
-/// The learning rate after `steps` of the optimiser, the last of them with `rate` to a divergence of `kl`.
+/// Most by which an update changes the learning rate.
+const MAX_CHANGE: f64 = 1.5;
+
+/// The learning rate after `steps` of the optimiser and an update that went to a divergence of `kl` with `rate`.
+///
+/// A divergence grows as the square of the steps that lead to it, so its root is what the rate is corrected by.
 fn adapt(schedule: Schedule, steps: u64, rate: f64, kl: f64) -> f64 {
     let Schedule::Adaptive {
         kl_target,
@@ -247,11 +251,8 @@ fn adapt(schedule: Schedule, steps: u64, rate: f64, kl: f64) -> f64 {
     };
     let share = if settle > 0 { settle as f64 / steps as f64 } else { 1.0 };
     let target = kl_target * share.min(1.0).powi(2);
-    match kl / target {
-        ratio if ratio > 2.0 => (rate / 1.5).max(minimum),
-        ratio if ratio < 0.5 => (rate * 1.5).min(maximum),
-        _ => rate,
-    }
+    let change = (target / kl.max(f64::MIN_POSITIVE)).sqrt();
+    (rate * change.clamp(1.0 / MAX_CHANGE, MAX_CHANGE)).clamp(minimum, maximum)
 }
 
 #[cfg(test)]
@@ -283,21 +284,26 @@ mod tests {
             let schedule = Schedule::Adaptive {
                 kl_target: 0.01,
                 settle,
-                minimum: 1e-5,
-                maximum: 1e-3,
+                minimum: 1e-4,
+                maximum: 4e-4,
             };
             super::adapt(schedule, steps, 3e-4, kl)
         };
+        let close = |rates: [f64; 4], expected: [f64; 4]| {
+            for (rate, expected) in rates.into_iter().zip(expected) {
+                assert!((rate / expected - 1.0).abs() < 1e-12, "{rate} for {expected}");
+            }
+        };
         for (settle, steps) in [(0, 1_000_000), (100, 1), (100, 100)] {
-            assert_eq!(
-                [0.021, 0.01, 0.004].map(|kl| adapt(settle, steps, kl)),
-                [3e-4 / 1.5, 3e-4, 3e-4 * 1.5]
+            close(
+                [1.0, 0.0144, 0.01, 0.0].map(|kl| adapt(settle, steps, kl)),
+                [2e-4, 2.5e-4, 3e-4, 4e-4],
             );
         }
         // Twice as many steps: a quarter of the target.
-        assert_eq!(
-            [0.006, 0.0025, 0.001].map(|kl| adapt(100, 200, kl)),
-            [3e-4 / 1.5, 3e-4, 3e-4 * 1.5]
+        close(
+            [0.25, 0.0036, 0.0025, 0.0].map(|kl| adapt(100, 200, kl)),
+            [2e-4, 2.5e-4, 3e-4, 4e-4],
         );
         assert_eq!(super::adapt(Schedule::Fixed {}, 5, 3e-4, 1.0), 3e-4);
     }
