@@ -2,7 +2,7 @@
 
 mod support;
 
-use omniwalk_ppo::{Agent, Config, Head, Mirror};
+use omniwalk_ppo::{Agent, Config, Head, Mirror, Schedule};
 use support::{Points, config};
 
 /// Mean reward of the first rollout, and of the last three of `updates`.
@@ -53,4 +53,29 @@ fn mirror_images_speed_learning_up_under_an_adaptive_rate() {
         -with,
         -without
     );
+}
+
+#[test]
+fn an_adaptive_rate_brings_the_divergence_to_its_target_from_below_and_from_above() {
+    let kl_target = 1e-3;
+    for learning_rate in [1e-5, 1e-2] {
+        let config = Config {
+            learning_rate,
+            schedule: Schedule::Adaptive {
+                kl_target,
+                settle: 0,
+                minimum: 1e-5,
+                maximum: 1e-2,
+            },
+            // The divergence of the last epoch is then that of the update.
+            epochs: 1,
+            ..config()
+        };
+        let mut agent = Agent::new(config, 4, 2, 1).unwrap();
+        let mut points = Points::new(32, 40);
+        let kls: Vec<f64> = (0..40).map(|key| points.iterate(&mut agent, None, key).1.kl).collect();
+        let off = |kls: &[f64]| (kls.iter().sum::<f64>() / kls.len() as f64 / kl_target).ln().abs();
+        assert!(off(&kls[..1]) > 1.0, "begins far off: {kls:?}");
+        assert!(off(&kls[30..]) < 0.5, "comes near: {kls:?}");
+    }
 }
