@@ -19,7 +19,7 @@ pub struct BlockLayout {
 
 impl Block {
     /// Every block.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::JointPosition,
         Self::JointVelocity,
         Self::Attitude,
@@ -30,6 +30,7 @@ impl Block {
         Self::CommandedVelocity,
         Self::Clock,
         Self::PreviousTarget,
+        Self::TrackingError,
     ];
 
     /// The name, as in configurations.
@@ -45,6 +46,7 @@ impl Block {
             Self::CommandedVelocity => "commanded_velocity",
             Self::Clock => "clock",
             Self::PreviousTarget => "previous_target",
+            Self::TrackingError => "tracking_error",
         }
     }
 
@@ -56,7 +58,7 @@ impl Block {
             Self::Attitude => "rad",
             Self::Gyro => "rad/s",
             Self::VelocityInertial | Self::VelocityBase => "m/s",
-            Self::DesiredVelocity | Self::CommandedVelocity => "m/s, m/s, rad/s",
+            Self::DesiredVelocity | Self::CommandedVelocity | Self::TrackingError => "m/s, m/s, rad/s",
             Self::Clock => "1",
         }
     }
@@ -69,7 +71,9 @@ impl Block {
             Self::Attitude => "fused roll and pitch of the base against gravity",
             Self::Gyro | Self::VelocityBase => "base",
             Self::VelocityInertial => "inertial: level, at a former heading of the base",
-            Self::DesiredVelocity | Self::CommandedVelocity => "base, level: forward, left, turn about the vertical",
+            Self::DesiredVelocity | Self::CommandedVelocity | Self::TrackingError => {
+                "base, level: forward, left, turn about the vertical"
+            }
             Self::Clock => "sine and cosine of the phase",
         }
     }
@@ -80,7 +84,7 @@ impl Block {
             Self::JointPosition | Self::JointVelocity | Self::PreviousTarget => &[],
             Self::Attitude => &["roll", "pitch"],
             Self::Gyro | Self::VelocityInertial | Self::VelocityBase => &["x", "y", "z"],
-            Self::DesiredVelocity | Self::CommandedVelocity => &["x", "y", "turn"],
+            Self::DesiredVelocity | Self::CommandedVelocity | Self::TrackingError => &["x", "y", "turn"],
             Self::Clock => &["sin", "cos"],
         }
     }

@@ -20,7 +20,7 @@ fn signs(block: Block) -> Option<&'static [f32]> {
         Block::Attitude => Some(&[-1.0, 1.0]),
         Block::Gyro => Some(&[-1.0, 1.0, -1.0]),
         Block::VelocityInertial | Block::VelocityBase => Some(&[1.0, -1.0, 1.0]),
-        Block::DesiredVelocity | Block::CommandedVelocity => Some(&[1.0, -1.0, -1.0]),
+        Block::DesiredVelocity | Block::CommandedVelocity | Block::TrackingError => Some(&[1.0, -1.0, -1.0]),
         Block::Clock => Some(&[-1.0, -1.0]),
     }
 }

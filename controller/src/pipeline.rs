@@ -14,7 +14,7 @@ use crate::{
     math::{Vec3, is_finite, rotate_z},
     mirror::{mirror_joints, mirror_observation},
     number::Number,
-    spec::{ActionLaw, Block, MirroredJoint, Spec},
+    spec::{ActionLaw, Block, MirroredJoint, Spec, TRACKING_SECONDS},
     validate::SpecError,
 };
 
@@ -80,6 +80,8 @@ pub struct Pipeline {
     soles: Vec<Sole>,
     desired: Vec3,
     commanded: Vec3,
+    /// Mean of what the velocity lacks to the commanded one, level, at the base's heading.
+    tracking_error: Vec3,
     clock_phase: f32,
     filter: Option<Filter>,
     /// Measured positions of the last observation; the last finite reading of each joint.
@@ -122,6 +124,7 @@ impl Pipeline {
             soles: vec![Sole::default(); spec.legs.len()],
             desired: [0.0; 3],
             commanded: [0.0; 3],
+            tracking_error: [0.0; 3],
             clock_phase: 0.0,
             filter: spec
                 .action
@@ -147,6 +150,7 @@ impl Pipeline {
         self.soles.fill(Sole::default());
         self.desired = [0.0; 3];
         self.commanded = [0.0; 3];
+        self.tracking_error = [0.0; 3];
         self.clock_phase = wrap(clock_phase);
         if let Some(filter) = &mut self.filter {
             filter.reset();
@@ -221,6 +225,7 @@ impl Pipeline {
             }
         }
         self.ramp(spec, desired);
+        self.track(spec, up);
         self.write(spec, sensors, out);
         if let Some(joints) = self.mirror(spec) {
             mirror_observation(spec, joints, out);
@@ -332,6 +337,20 @@ impl Pipeline {
         }
     }
 
+    /// Goes on with the mean of the tracking error.
+    fn track(&mut self, spec: &Spec, up: Vec3) {
+        let [x, y, _] = level(up, self.velocity[1]);
+        let measured = [x, y, self.frame.rate];
+        let gain = (1.0 / (TRACKING_SECONDS * spec.control_hz)).min(1.0);
+        for axis in 0..3 {
+            let error = self.commanded[axis] - measured[axis];
+            let mean = self.tracking_error[axis] + gain * (error - self.tracking_error[axis]);
+            if mean.is_finite() {
+                self.tracking_error[axis] = mean;
+            }
+        }
+    }
+
     fn write(&self, spec: &Spec, sensors: &Sensors, out: &mut [f32]) {
         assert_eq!(out.len(), spec.observation_len(), "the observation's length");
         let (sin, cos) = Number::sin_cos(TAU * self.clock_phase);
@@ -349,6 +368,7 @@ impl Pipeline {
                 Block::DesiredVelocity => entries.copy_from_slice(&self.desired),
                 Block::CommandedVelocity => entries.copy_from_slice(&self.commanded),
                 Block::Clock => entries.copy_from_slice(&[sin, cos]),
+                Block::TrackingError => entries.copy_from_slice(&self.tracking_error),
                 Block::PreviousTarget => {
                     for ((entry, target), joint) in entries.iter_mut().zip(&self.previous_target).zip(&spec.joints) {
                         *entry = target - joint.nominal;

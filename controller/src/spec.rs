@@ -76,7 +76,12 @@ pub enum Block {
     Clock,
     /// Targets sent in the previous step minus the nominal pose, rad or m; `n`.
     PreviousTarget,
+    /// Commanded minus measured velocity (v_x, v_y, omega_z), a mean over the last [`TRACKING_SECONDS`], m/s, m/s, rad/s; 3.
+    TrackingError,
 }
+
+/// Time constant of the exponential mean in [`Block::TrackingError`], s: more than a gait's cycle, so that its sway does not show.
+pub const TRACKING_SECONDS: f32 = 1.0;
 
 /// How actions in [0, 1] become joint targets. `u = 2 a - 1`, filtered; `scale` is [`JointSpec::action_scale`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -200,7 +205,8 @@ impl Spec {
             | Block::VelocityInertial
             | Block::VelocityBase
             | Block::DesiredVelocity
-            | Block::CommandedVelocity => 3,
+            | Block::CommandedVelocity
+            | Block::TrackingError => 3,
         }
     }
 

@@ -89,6 +89,7 @@ pub(crate) fn biped() -> Spec {
             Block::CommandedVelocity,
             Block::Clock,
             Block::PreviousTarget,
+            Block::TrackingError,
         ],
         action: ActionSpec {
             law: ActionLaw::IncrementOnTarget,

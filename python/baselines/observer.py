@@ -99,7 +99,7 @@ class Observer:
         """Starts an episode with the clock at `phase`."""
         self.phase, self.commanded = np.float32(phase), np.zeros(3)
         self.previous_target, self.filtered = self.layout.nominal.copy(), None
-        self.velocity = np.zeros(3)
+        self.velocity, self.tracking_error = np.zeros(3), np.zeros(3)
         self.heading, self.turning, self.age = 0.0, 0.0, -1
 
     @property
@@ -120,17 +120,21 @@ class Observer:
         self._turn(gyro[2] + (gyro[0] * up[0] + gyro[1] * up[1]) / (1.0 + up[2]))
         self.velocity = self._estimate(positions, velocities, up, gyro)
         self.commanded = self.commanded + np.minimum(np.maximum(desired - self.commanded, -self.rate), self.rate)
+        level = self._level(up)
+        error = self.commanded - np.array([level[0], level[1], self.turning])
+        self.tracking_error = self.tracking_error + (error - self.tracking_error) / max(self.hz, 1.0)
         angle = 2.0 * math.pi * float(self.phase)
         found = {
             "joint_position": positions,
             "joint_velocity": velocities,
             "attitude": attitude,
             "gyro": gyro,
-            "velocity_inertial": self._inertial(up),
+            "velocity_inertial": self._inertial(level),
             "velocity_base": self.velocity,
             "desired_velocity": desired,
             "commanded_velocity": self.commanded,
             "previous_target": self.previous_target - self.layout.nominal,
+            "tracking_error": self.tracking_error,
             "clock": (math.sin(angle), math.cos(angle)),
         }
         row = np.concatenate([found[name] for name in self.blocks])
@@ -147,17 +151,20 @@ class Observer:
             self.heading += 0.5 * (self.turning + rate) / self.hz
         self.turning = rate
 
-    def _inertial(self, up: np.ndarray) -> np.ndarray:
-        """The velocity in the inertial frame: levelled by the rotation without yaw that takes `up` upright, then turned."""
+    def _level(self, up: np.ndarray) -> np.ndarray:
+        """The velocity, levelled by the rotation without yaw that takes `up` upright."""
         x, y, z = self.velocity
         a, b, c = up
         # The shortest rotation that takes (a, b, c) to (0, 0, 1).
         k = 1.0 / (1.0 + c)
         level_x = (1.0 - a * a * k) * x - a * b * k * y - a * z
         level_y = -a * b * k * x + (1.0 - b * b * k) * y - b * z
-        level_z = a * x + b * y + c * z
+        return np.array([level_x, level_y, a * x + b * y + c * z])
+
+    def _inertial(self, level: np.ndarray) -> np.ndarray:
+        """A level velocity in the inertial frame."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
-        return np.array([cos * level_x - sin * level_y, sin * level_x + cos * level_y, level_z])
+        return np.array([cos * level[0] - sin * level[1], sin * level[0] + cos * level[1], level[2]])
 
     def _estimate(self, positions, velocities, up: np.ndarray, gyro: np.ndarray) -> np.ndarray:
         """The base's velocity, as if the soles' corners stood still: those that are low and agree with the last estimate count."""

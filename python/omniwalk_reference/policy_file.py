@@ -21,6 +21,7 @@ BLOCKS = {
     "commanded_velocity": (3, "m/s, m/s, rad/s", "base, level: forward, left, turn about the vertical"),
     "clock": (2, "1", "sine and cosine of the phase"),
     "previous_target": (None, "rad or m", "joint, relative to the nominal pose"),
+    "tracking_error": (3, "m/s, m/s, rad/s", "base, level: forward, left, turn about the vertical"),
 }
 """Length (None: one for each joint), unit and frame of each block."""
 

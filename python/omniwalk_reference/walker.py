@@ -14,6 +14,7 @@ SIGNS = {
     "velocity_base": [1, -1, 1],
     "desired_velocity": [1, -1, -1],
     "commanded_velocity": [1, -1, -1],
+    "tracking_error": [1, -1, -1],
     "clock": [-1, -1],
 }
 """What a mirror does to the other blocks."""
@@ -30,7 +31,8 @@ class Walker:
         """Starts with the clock at `phase`."""
         spec = self.spec
         self.phase = np.float32(phase)
-        self.commanded, self.previous_target = np.zeros(3), spec.nominal.copy()
+        self.commanded, self.tracking_error = np.zeros(3), np.zeros(3)
+        self.previous_target = spec.nominal.copy()
         self.velocity, self.velocity_inertial = np.zeros(3), np.zeros(3)
         self.heading, self.yaw_rate, self.age = 0.0, 0.0, None
         self.filter = None
@@ -54,8 +56,8 @@ class Walker:
             self.velocity = readings.base_velocity
         elif spec.legs:
             self.velocity = estimate(spec.legs, readings, up, self.velocity)
+        level = rotate(unit(np.array([up[1], -up[0], 0.0, 1.0 + up[2]])), self.velocity)
         if readings.base_velocity is not None or spec.legs:
-            level = rotate(unit(np.array([up[1], -up[0], 0.0, 1.0 + up[2]])), self.velocity)
             c, s = np.cos(self.heading), np.sin(self.heading)
             self.velocity_inertial = np.array([c * level[0] - s * level[1], s * level[0] + c * level[1], level[2]])
         trained = self.policy.identity
@@ -63,6 +65,8 @@ class Walker:
         desired = np.clip(desired, spec.command_lower, spec.command_upper)
         largest = spec.rate / spec.control_hz
         self.commanded = self.commanded + np.clip(desired - self.commanded, -largest, largest)
+        error = self.commanded - np.array([level[0], level[1], self.yaw_rate])
+        self.tracking_error = self.tracking_error + min(1.0 / spec.control_hz, 1.0) * (error - self.tracking_error)
         angle = 2.0 * np.pi * float(self.phase)
         blocks = {
             "joint_position": readings.position,
@@ -75,6 +79,7 @@ class Walker:
             "commanded_velocity": self.commanded,
             "clock": np.array([np.sin(angle), np.cos(angle)]),
             "previous_target": self.previous_target - spec.nominal,
+            "tracking_error": self.tracking_error,
         }
         if self.mirrored:
             blocks = {name: self._mirror(name, values) for name, values in blocks.items()}

@@ -29,6 +29,9 @@ BLOCKS = [
 ]
 """The observation of the thesis (7.3.1)."""
 
+TARGET, ERROR = "previous_target", "tracking_error"
+"""What the default observes beyond it."""
+
 INCREMENTS = {"action.law": "increment_on_measured", "action.scale": 0.1}
 """The action of the thesis (7.3.2)."""
 
@@ -42,7 +45,8 @@ VARIANTS = {
     "no-velocity-factor": ("claim: C_v", None, {"curriculum.velocity_start": 1.0}),
     "no-clearance": ("claim: foot clearance", None, {"reward.foot_weight": 0.0, "curriculum.velocity_gate_foot": 0.0}),
     "no-core": ("claim: the core velocity", None, {"curriculum.core": [0.0, 0.0, 0.0]}),
-    "no-previous-target": ("ours: last targets observed", None, {"observation.blocks": BLOCKS}),
+    "no-previous-target": ("ours: last targets observed", None, {"observation.blocks": [*BLOCKS, ERROR]}),
+    "no-tracking-error": ("ours: mean tracking error observed", None, {"observation.blocks": [*BLOCKS, TARGET]}),
     "no-clock": ("ours: phase clock", None, {"clock.enabled": False, "clock.symmetric": False, "reward.clock_swing": False}),
     "no-symmetry": ("ours: symmetric policy", None, {"clock.symmetric": False}),
     "slow-clock": ("ours: 0.6 s for two steps; here 0.8 s", None, {"clock.period": 0.8}),

@@ -61,8 +61,8 @@ def test_the_command_is_the_one_that_was_asked_for(messages):
 
 def test_the_policy_saw_its_whole_layout_and_was_judged(messages):
     for _, step in messages["/policy"]:
-        # 49 numbers of the thesis, the last targets and the clock's two.
-        assert (len(step["observation"]), len(step["action"])) == (49 + 16 + 2, 16)
+        # 49 numbers of the thesis, the last targets, the tracking error and the clock's two.
+        assert (len(step["observation"]), len(step["action"])) == (49 + 16 + 3 + 2, 16)
         assert all(0.0 <= action <= 1.0 for action in step["action"])
         assert {"velocity", "pose", "alive", "foot"} <= set(step["reward"])
 

@@ -170,7 +170,7 @@ fn error(spec: &Spec, walk: &[Instant], noise: f32, offset: f32, rule: Rule) -> 
     let (mut sum, mut largest) = (0.0f32, 0.0f32);
     let draws = 8;
     for draw in 1..=draws {
-        let mut random = Noise(0x9E37_79B9 * draw);
+        let mut random = Noise(0x9E37_79B9_u32.wrapping_mul(draw));
         let joint_offset: [f32; 10] = core::array::from_fn(|_| random.next(offset));
         let tilt = [random.next(offset), random.next(offset), 0.0];
         let mut estimate = [0.0; 3];

@@ -60,7 +60,7 @@ fn every_block_lands_at_its_place() {
     };
     let mut out = vec![0.0; spec.observation_len()];
     pipeline.observe(&spec, &sensors, [0.3, -2.0, 0.0], &mut out);
-    assert_eq!(out.len(), 10 + 10 + 2 + 3 + 3 + 3 + 3 + 3 + 2 + 10);
+    assert_eq!(out.len(), 10 + 10 + 2 + 3 + 3 + 3 + 3 + 3 + 2 + 10 + 3);
     assert_eq!(out[..10], position);
     assert_eq!(out[10..20], velocity);
     assert_eq!(out[20..25], [0.1, 0.0, 0.4, 0.5, 0.6]);
@@ -78,7 +78,12 @@ fn every_block_lands_at_its_place() {
         "the command moves by its rate"
     );
     assert!((out[37] - 1.0).abs() < 1e-6 && out[38].abs() < 1e-6, "a quarter cycle");
-    assert_eq!(out[39..], [0.0; 10]);
+    assert_eq!(out[39..49], [0.0; 10]);
+    let measured = [level[0], level[1], 0.6 + 0.5 * sin / (1.0 + cos)];
+    for axis in 0..3 {
+        let error = (out[34 + axis] - measured[axis]) / 40.0;
+        assert!((out[49 + axis] - error).abs() < 1e-5, "{:?}", &out[49..]);
+    }
 }
 
 #[test]
@@ -166,6 +171,26 @@ fn the_inertial_frame_follows_the_gyro_and_is_set_again() {
         let (inertial, base) = pipeline.velocity();
         assert!((inertial[0] - heading.cos()).abs() < 1e-5 && (inertial[1] - heading.sin()).abs() < 1e-5);
         assert_eq!(base, [1.0, 0.0, 0.0]);
+    }
+}
+
+#[test]
+fn the_tracking_error_is_a_mean_over_a_second() {
+    let spec = biped();
+    let mut pipeline = Pipeline::new(&spec).expect("valid");
+    pipeline.set_commanded(&spec, [0.5, -0.2, 0.3]);
+    let position = nominal(&spec);
+    let sensors = Sensors {
+        base_velocity: Some([0.2, 0.1, 0.0]),
+        ..standing(&position, [0.0, 0.0, 0.1])
+    };
+    let mut out = vec![0.0; spec.observation_len()];
+    for step in 1..=120 {
+        pipeline.observe(&spec, &sensors, [0.5, -0.2, 0.3], &mut out);
+        let share = 1.0 - (1.0 - 1.0 / 40.0f32).powi(step);
+        for (entry, error) in out[out.len() - 3..].iter().zip([0.3, -0.3, 0.2]) {
+            assert!((entry - share * error).abs() < 1e-5, "step {step}: {entry}");
+        }
     }
 }
 
