@@ -342,11 +342,11 @@ impl Pipeline {
         let [x, y, _] = level(up, self.velocity[1]);
         let measured = [x, y, self.frame.rate];
         let gain = (1.0 / (TRACKING_SECONDS * spec.control_hz)).min(1.0);
-        for axis in 0..3 {
-            let error = self.commanded[axis] - measured[axis];
-            let mean = self.tracking_error[axis] + gain * (error - self.tracking_error[axis]);
-            if mean.is_finite() {
-                self.tracking_error[axis] = mean;
+        let axes = self.commanded.iter().zip(measured);
+        for (mean, (commanded, measured)) in self.tracking_error.iter_mut().zip(axes) {
+            let next = *mean + gain * (commanded - measured - *mean);
+            if next.is_finite() {
+                *mean = next;
             }
         }
     }
