@@ -6,7 +6,7 @@ pub mod onnx;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, WrapErr};
-use omniwalk_controller::{Activation, Actor, Bounds, Curriculum, Dense, Head, Identity, Policy, Weights};
+use omniwalk_controller::{Activation, Actor, Block, Bounds, Curriculum, Dense, Head, Identity, Policy, Spec, Weights};
 use omniwalk_env::task::shared::spec;
 use omniwalk_ppo as ppo;
 use sha2::{Digest, Sha256};
@@ -42,7 +42,13 @@ pub fn policy(folder: &Path, file: Option<&Path>) -> miette::Result<Policy> {
         config_hash: Sha256::digest(&text).into(),
         ..identity(&settings, &checkpoint)?
     };
-    Policy::new(spec, actor(&network), bounds(&network), identity)
+    let mut bounds = bounds(&network);
+    widen(
+        &mut bounds,
+        &spec,
+        [identity.curriculum.lower, identity.curriculum.upper],
+    );
+    Policy::new(spec, actor(&network), bounds, identity)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot export {}", folder.display()))
 }
@@ -120,6 +126,26 @@ fn bounds(policy: &ppo::Policy) -> Bounds {
     Bounds { lower, upper }
 }
 
+/// Commands that training drew from are no news, if those at the very edge did not happen to be drawn.
+fn widen(bounds: &mut Bounds, spec: &Spec, [lower, upper]: [[f32; 3]; 2]) {
+    let mut first = 0;
+    for &block in &spec.observation {
+        if matches!(block, Block::DesiredVelocity | Block::CommandedVelocity) {
+            for axis in 0..3 {
+                // A symmetric policy sees what goes left and right mirrored too.
+                let mirrored = spec.symmetry.is_some() && axis > 0;
+                let (least, most) = (lower[axis], upper[axis]);
+                let least = if mirrored { least.min(-most) } else { least };
+                let most = if mirrored { most.max(-lower[axis]) } else { most };
+                let entry = first + axis;
+                bounds.lower[entry] = bounds.lower[entry].min(least);
+                bounds.upper[entry] = bounds.upper[entry].max(most);
+            }
+        }
+        first += spec.block_len(block);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -153,5 +179,31 @@ mod tests {
                 "{seen:?}"
             );
         }
+    }
+
+    #[test]
+    fn bounds_of_commands_reach_as_far_as_the_curriculum_did() {
+        let (settings, _) = load::settings(None, &[]).unwrap();
+        let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/nimbro_op2x");
+        let mut spec = spec(&load::robot(&robot).unwrap(), &settings.env);
+        let named = |name: &str| (0..).find(|&i| spec.entry_name(i).as_deref() == Some(name)).unwrap();
+        let commands = ["desired_velocity[x]", "commanded_velocity[x]"].map(named);
+        let seen = |spec: &Spec| Bounds {
+            lower: vec![-0.1; spec.observation_len()],
+            upper: vec![0.1; spec.observation_len()],
+        };
+        let region = [[0.0, -0.2, -0.3], [0.5, 0.4, 0.0]];
+        let (mut plain, mut mirrored) = (seen(&spec), seen(&spec));
+        spec.symmetry = None;
+        widen(&mut plain, &spec, region);
+        spec.symmetry = Some(Vec::new());
+        widen(&mut mirrored, &spec, region);
+        for entry in commands {
+            assert_eq!(plain.lower[entry..][..3], [-0.1, -0.2, -0.3]);
+            assert_eq!(plain.upper[entry..][..3], [0.5, 0.4, 0.1]);
+            assert_eq!(mirrored.lower[entry..][..3], [-0.1, -0.4, -0.3]);
+            assert_eq!(mirrored.upper[entry..][..3], [0.5, 0.4, 0.3]);
+        }
+        assert_eq!((plain.lower[0], plain.upper[0]), (-0.1, 0.1));
     }
 }
