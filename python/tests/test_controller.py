@@ -55,7 +55,7 @@ def readings(policy: SimpleNamespace, given: bool) -> list[SimpleNamespace]:
     spec, random = policy.spec, np.random.default_rng(7)
     n = len(spec.names)
     middle, half = 0.5 * (spec.lower + spec.upper), 0.5 * (spec.upper - spec.lower)
-    amplitude = np.minimum(0.2, 0.9 * half)  # as fast as in a walk
+    amplitude = np.minimum(0.4, 0.9 * half)
     centre = np.clip(spec.nominal, middle - half + amplitude, middle + half - amplitude)
     rate, phase = random.uniform(0.5, 12.0, n), random.uniform(0.0, 6.0, n)
     found = []

@@ -16,8 +16,6 @@ use super::subject::Subject;
 const STEPS: usize = 1000;
 /// What the project promises, rad or m.
 const BOUND: f64 = 1e-5;
-/// How far joints move at most, rad or m: with up to 12 rad/s they are then as fast as in a walk.
-const AMPLITUDE: f64 = 0.2;
 /// Control steps between changes of the command.
 const COMMAND: usize = 90;
 
@@ -67,7 +65,7 @@ fn readings(policy: &Policy) -> Vec<Row> {
         .iter()
         .map(|joint| {
             let (lower, upper) = (f64::from(joint.lower), f64::from(joint.upper));
-            let amplitude = (0.45 * (upper - lower)).min(AMPLITUDE);
+            let amplitude = (0.45 * (upper - lower)).min(0.4);
             let centre = f64::from(joint.nominal).clamp(lower + amplitude, upper - amplitude);
             [centre, amplitude, stream.uniform(0.5, 12.0), stream.uniform(0.0, 6.0)]
         })
