@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         ));
     }
     let (defaults, _) = load::settings(None, &[])?;
-    let draft = draft(&args.urdf, &folder, &defaults.env)?;
+    let draft = draft(&args.urdf, &folder, &defaults)?;
     write(&draft, &args.urdf, &folder)
         .inspect_err(|_| {
             // Half of it would be in the way of the next attempt.

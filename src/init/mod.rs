@@ -23,6 +23,8 @@ use actuators::Servo;
 use legs::Leg;
 use sides::Sides;
 
+use crate::settings::Settings;
+
 /// Length of the trial, s.
 const STAND_SECONDS: f64 = 10.0;
 /// Factors on the gains that are tried until the robot stands.
@@ -50,12 +52,12 @@ struct Findings {
     nominal: Vec<(String, f64)>,
 }
 
-/// Drafts the folder of the robot in the file `urdf`; `folder` is the path by which the configuration will name it, `config`
-/// the defaults, under which the robot must stand.
+/// Drafts the folder of the robot in the file `urdf`; `folder` is the path by which the configuration will name it. The robot must
+/// stand under the `defaults`.
 ///
 /// # Errors
 /// When the URDF makes no robot, or an engine does not take it.
-pub fn draft(urdf: &Path, folder: &Path, config: &EnvConfig) -> miette::Result<Draft> {
+pub fn draft(urdf: &Path, folder: &Path, defaults: &Settings) -> miette::Result<Draft> {
     let locked = robot::massless_joints(urdf)?;
     let bare = robot::load_with(urdf, &write::locked(&locked))?;
     let sides = Sides::find(bare.joints.iter().map(|joint| joint.name.as_str()));
@@ -79,14 +81,14 @@ pub fn draft(urdf: &Path, folder: &Path, config: &EnvConfig) -> miette::Result<D
         let straight = robot::load_with(urdf, &write::settings(&bare, &found))?;
         found.nominal = pose::standing(&straight, &found.legs);
         notes.push("standing pose: knees bent, soles flat, centre of mass over their middle".into());
-        if let Some(line) = stiffen(urdf, &bare, &mut found, config)? {
+        if let Some(line) = stiffen(urdf, &bare, &mut found, &defaults.env)? {
             notes.push(line);
         }
     }
     let settings = write::settings(&bare, &found);
     let robot = Arc::new(robot::load_with(urdf, &settings)?);
     Ok(Draft {
-        training: (!found.legs.is_empty()).then(|| training::text(&robot, folder)),
+        training: (!found.legs.is_empty()).then(|| training::text(&robot, folder, defaults)),
         robot,
         settings,
         notes,
