@@ -49,7 +49,7 @@ VARIANTS = {
     "no-tracking-error": ("ours: mean tracking error observed", None, {"observation.blocks": [*BLOCKS, TARGET]}),
     "no-clock": ("ours: phase clock", None, {"clock.enabled": False, "clock.symmetric": False, "reward.clock_swing": False}),
     "no-symmetry": ("ours: symmetric policy", None, {"clock.symmetric": False}),
-    "slow-clock": ("ours: 0.6 s for two steps; here 0.8 s", None, {"clock.period": 0.8}),
+    "slow-clock": ("ours: 0.5 s for two steps; here 0.8 s", None, {"clock.period": 0.8}),
     "increments": ("ours: offsets from the nominal pose", None, INCREMENTS),
     "increments-butterworth": ("as increments, through the thesis's filter", None, {**INCREMENTS, "action.filter.kind": "butterworth"}),
     "increments-no-filter": ("as increments, through none", None, {**INCREMENTS, "action.filter.enabled": False}),

@@ -19,7 +19,7 @@ for seed in ${*:-1 2 3 4 5}; do
     if [ ! -f "$run/eval.txt" ]; then
         suites=falls,changes,push
         [ "$seed" = 1 ] && suites=all
-        "$omniwalk" eval "$run" --suite "$suites" --seed 8000 > "$run/eval.draft"
+        "$omniwalk" eval "$run" --suite "$suites" --seed 9000 > "$run/eval.draft"
         mv "$run/eval.draft" "$run/eval.txt"
     fi
     mkdir -p "$here/seed-$seed"
@@ -27,7 +27,7 @@ for seed in ${*:-1 2 3 4 5}; do
     for file in eval.json eval.txt; do
         sed "/^rollout/d; /^picture/d; s#$run#seed-$seed#" "$run/$file" > "$here/seed-$seed/$file"
     done
-    [ "$seed" = 1 ] && cp "$run"/eval_*.png "$here/seed-$seed/"
+    [ "$seed" = 1 ] && cp "$run"/eval_*.png "$run/rollouts/tracking.mcap" "$here/seed-$seed/"
     awk 'NR == 1 || NR % 40 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done
 "$omniwalk" export "$out/seed-1" --out "$here/policy.omni"
