@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use omniwalk_env::Batch;
 use omniwalk_env::batch::{Collect, Outcomes};
-use omniwalk_env::config::EngineKind;
+use omniwalk_env::config::{EngineKind, GroundKind};
 use omniwalk_env::random::Stream;
 use omniwalk_env::task::command::CommandRange;
 use omniwalk_env::task::episode::{End, Fault};
@@ -40,7 +40,12 @@ fn bits(values: &[f32]) -> Vec<u32> {
 }
 
 fn batch(engine: EngineKind, environments: usize) -> Batch {
+    batch_on(GroundKind::Plane, engine, environments)
+}
+
+fn batch_on(ground: GroundKind, engine: EngineKind, environments: usize) -> Batch {
     let mut config = config(engine);
+    config.ground.kind = ground;
     config.push.enabled = true;
     config.push.interval = 0.5;
     config.randomise.mass = 0.1;
@@ -120,8 +125,13 @@ impl Collect for Following {
 
 #[test]
 fn groups_that_go_through_many_steps_by_themselves_do_what_they_do_step_by_step() {
-    for (engine, environments) in [(EngineKind::Rapier, 5), (EngineKind::Lanes, 70)] {
-        let (mut stepped, mut rolled) = (batch(engine, environments), batch(engine, environments));
+    for (engine, environments, ground) in [
+        (EngineKind::Rapier, 5, GroundKind::Plane),
+        (EngineKind::Lanes, 70, GroundKind::Plane),
+        (EngineKind::Lanes, 70, GroundKind::Rough),
+    ] {
+        let batch = || batch_on(ground, engine, environments);
+        let (mut stepped, mut rolled) = (batch(), batch());
         let groups: Vec<_> = rolled.groups().collect();
         assert!(groups.len() > 2, "{engine:?} {groups:?}");
         let part = |group: &Range<usize>| Seen {
@@ -309,6 +319,39 @@ fn episodes_end_by_falling_or_at_their_full_length_and_say_so() {
             .take_episodes()
             .any(|episode| episode.end != End::TimeOut && episode.steps < 40)
     );
+}
+
+#[test]
+fn legs_that_pass_through_each_other_end_the_episode_unless_they_may() {
+    for (engine, ends_it) in EngineKind::ALL
+        .into_iter()
+        .flat_map(|engine| [(engine, true), (engine, false)])
+    {
+        let mut config = config(engine);
+        config.task.overlap_margin = 0.0;
+        config.task.end_on_overlap = ends_it;
+        let mut batch = Batch::new(robot("nimbro_op2x"), &config, 3, 7).unwrap();
+        let spec = &batch.shared().spec;
+        // Both hips roll inward as far as they go; the soles are 4 cm apart.
+        let inward = spec.joints.iter().map(|joint| match joint.name.as_str() {
+            "left_hip_roll" => 0.0,
+            "right_hip_roll" => 1.0,
+            _ => 0.5,
+        });
+        let actions: Vec<f32> = inward.collect::<Vec<_>>().repeat(3);
+        let ends = (0..80).flat_map(|_| {
+            batch.step(&actions);
+            batch.ends().to_vec()
+        });
+        let first = ends.flatten().next();
+        let expected = if ends_it { End::Overlap } else { End::Fallen };
+        assert_eq!(first, Some(expected), "{engine:?}");
+        let crossed = batch
+            .take_episodes()
+            .filter(|episode| episode.end == End::Overlap)
+            .count();
+        assert_eq!(crossed > 0, ends_it, "{engine:?}");
+    }
 }
 
 #[test]

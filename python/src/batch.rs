@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::available_parallelism;
 
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use omniwalk::command::load;
 use omniwalk_env::task::command::CommandRange;
@@ -15,6 +15,9 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{raise, refuse};
 use crate::view::view;
+
+/// As many as `omniwalk train --threads` takes.
+const MOST_THREADS: usize = 1024;
 
 /// Environments side by side, stepped by threads of their own.
 ///
@@ -116,6 +119,11 @@ impl Batch {
             let (settings, _) = load::settings(config.as_deref(), &changes)?;
             let robot = load::robot(&settings.robot.path)?;
             let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, usize::from));
+            if !(1..=MOST_THREADS).contains(&threads) {
+                return Err(miette!(
+                    "threads: 1 to {MOST_THREADS}, or None for all cores; here {threads}"
+                ));
+            }
             let pool = ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()

@@ -188,6 +188,8 @@ def test_python_goes_on_while_the_robots_are_stepped():
         (lambda: omniwalk.Env(changes={"robot.path": "nowhere"}), "nowhere"),
         (lambda: omniwalk.Env(changes={"robot.path": str(ROOT / "robots/pendulum")}), "fixed base"),
         (lambda: omniwalk.make_vec(0, changes=ROBOT), "`train.environments` must be 1 to"),
+        (lambda: omniwalk.make_vec(2, changes=ROBOT, threads=0), "threads: 1 to 1024.*here 0"),
+        (lambda: omniwalk.make_vec(2, changes=ROBOT, threads=10**12), "threads: 1 to 1024.*here 1000000000000"),
         (lambda: omniwalk.Robot(ROOT / "configs"), "configs"),
         (lambda: omniwalk.Controller("missing.omni"), "cannot read missing.omni"),
         (lambda: omniwalk.Controller(b"OMNI"), "not a policy file"),
