@@ -27,7 +27,9 @@ for seed in ${*:-1 2 3 4 5}; do
     for file in eval.json eval.txt; do
         sed "/^rollout/d; /^picture/d; s#$run#seed-$seed#" "$run/$file" > "$here/seed-$seed/$file"
     done
-    [ "$seed" = 1 ] && cp "$run"/eval_*.png "$run/rollouts/tracking.mcap" "$here/seed-$seed/"
+    if [ "$seed" = 1 ]; then
+        cp "$run"/eval_*.png "$run/rollouts/tracking.mcap" "$here/seed-$seed/"
+        "$omniwalk" export "$run" --out "$here/policy.omni"
+    fi
     awk 'NR == 1 || NR % 40 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done
-"$omniwalk" export "$out/seed-1" --out "$here/policy.omni"
