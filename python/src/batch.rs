@@ -6,7 +6,7 @@ use std::thread::available_parallelism;
 
 use miette::{IntoDiagnostic, miette};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
-use omniwalk::command::load;
+use omniwalk::command::{THREADS, load};
 use omniwalk_env::task::command::CommandRange;
 use omniwalk_env::task::episode::End;
 use omniwalk_env::task::reward::{Factors, TERM_NAMES};
@@ -15,9 +15,6 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{raise, refuse};
 use crate::view::view;
-
-/// As many as `omniwalk train --threads` takes.
-const MOST_THREADS: usize = 1024;
 
 /// Environments side by side, stepped by threads of their own.
 ///
@@ -119,9 +116,11 @@ impl Batch {
             let (settings, _) = load::settings(config.as_deref(), &changes)?;
             let robot = load::robot(&settings.robot.path)?;
             let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, usize::from));
-            if !(1..=MOST_THREADS).contains(&threads) {
+            if !i64::try_from(threads).is_ok_and(|threads| THREADS.contains(&threads)) {
                 return Err(miette!(
-                    "threads: 1 to {MOST_THREADS}, or None for all cores; here {threads}"
+                    "threads: {} to {}, or None for all cores; here {threads}",
+                    THREADS.start(),
+                    THREADS.end()
                 ));
             }
             let pool = ThreadPoolBuilder::new()

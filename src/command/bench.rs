@@ -43,7 +43,7 @@ struct Options {
     #[arg(long, value_parser = ["rapier", "lanes"])]
     engine: Option<String>,
     /// Threads [default: all cores].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(super::THREADS))]
     threads: Option<u16>,
     /// Seconds to measure, in rounds of a second of which the median counts.
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=86_400))]

@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long)]
     compare: bool,
     /// Threads [default: all cores]; their number changes no bit of the result.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(super::THREADS))]
     threads: Option<u16>,
 }
 

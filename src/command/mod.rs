@@ -17,3 +17,6 @@ pub mod train;
 pub mod view;
 
 pub mod load;
+
+/// How many threads a command, or a batch in Python, may be given: a slip of a zero must not start a million.
+pub const THREADS: std::ops::RangeInclusive<i64> = 1..=1024;
