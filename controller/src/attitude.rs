@@ -12,7 +12,7 @@
 //! hemisphere open; a robot whose base is more than 90 degrees off has fallen, and functions that start from two angles
 //! assume it is upright.
 
-use libm::{asinf, atan2f, sqrtf};
+use libm::{asinf, atan2f, sqrt};
 
 use crate::{
     math::{Quat, Vec3},
@@ -55,22 +55,23 @@ pub fn fused_yaw([_, _, z, w]: [f32; 4]) -> f32 {
 ///
 /// The two angles of an orientation satisfy `sin^2 roll + sin^2 pitch <= 1`; a noisy pair beyond that is moved to the
 /// nearest direction that exists.
-pub fn up_from_fused([roll, pitch]: [f32; 2]) -> [f32; 3] {
+pub fn up_from_fused(fused: [f32; 2]) -> [f64; 3] {
+    let [roll, pitch] = fused.map(f64::from);
     let (x, y) = (-Number::sin_cos(pitch).0, Number::sin_cos(roll).0);
     let horizontal = x * x + y * y;
     if horizontal <= 1.0 {
-        [x, y, sqrtf(1.0 - horizontal)]
+        [x, y, sqrt(1.0 - horizontal)]
     } else {
-        let length = sqrtf(horizontal);
+        let length = sqrt(horizontal);
         [x / length, y / length, 0.0]
     }
 }
 
 /// The tilt (unit quaternion x, y, z, w): the smallest turn that takes a vector from the base frame to the
 /// gravity-aligned frame with the same heading. `up` is the unit vector against gravity in the base frame, `up_z > -1`.
-pub fn tilt_from_up(up: [f32; 3]) -> [f32; 4] {
+pub fn tilt_from_up(up: [f64; 3]) -> [f64; 4] {
     // The half-angle quaternion (up x e_z, 1 + up . e_z), normalised: its squared length is 2 (1 + up_z).
-    let length = sqrtf((2.0 * (1.0 + up[2])).max(f32::MIN_POSITIVE));
+    let length = sqrt((2.0 * (1.0 + up[2])).max(f64::MIN_POSITIVE));
     [up[1] / length, -up[0] / length, 0.0, (1.0 + up[2]) / length]
 }
 
@@ -80,13 +81,13 @@ pub fn tilt_from_up(up: [f32; 3]) -> [f32; 4] {
 /// With `q' = q (omega / 2)` and `yaw = 2 atan2(q_z, q_w)` follows
 /// `yaw' = omega_z + (omega_x up_x + omega_y up_y) / (1 + up_z)`. Unlike `omega . up`, whose integral drifts when roll and pitch
 /// swing out of phase, this is the derivative of an angle.
-pub fn yaw_rate(gyro: [f32; 3], up: [f32; 3]) -> f32 {
-    gyro[2] + (gyro[0] * up[0] + gyro[1] * up[1]) / (1.0 + up[2]).max(f32::EPSILON)
+pub fn yaw_rate(gyro: [f64; 3], up: [f64; 3]) -> f64 {
+    gyro[2] + (gyro[0] * up[0] + gyro[1] * up[1]) / (1.0 + up[2]).max(f64::EPSILON)
 }
 
 /// A vector of the base frame in the gravity-aligned frame with the same heading.
-pub(crate) fn level(up: Vec3, v: Vec3) -> Vec3 {
-    let tilt: Quat = tilt_from_up(up);
+pub(crate) fn level(up: Vec3<f64>, v: Vec3<f64>) -> Vec3<f64> {
+    let tilt: Quat<f64> = tilt_from_up(up);
     crate::math::rotate(tilt, v)
 }
 
@@ -98,6 +99,7 @@ mod tests {
 
     use super::*;
     use crate::math::{axis_angle, compose, rotate};
+    use libm::sqrtf;
 
     fn orientation() -> impl Strategy<Value = [f32; 4]> {
         prop::array::uniform4(-1.0f32..1.0).prop_filter_map("too short", |q| {
@@ -142,7 +144,7 @@ mod tests {
         fn fused_angles_and_up_are_inverse_in_the_upright_hemisphere(q in orientation()) {
             let up = up_from_orientation(q);
             prop_assume!(up[2] > 0.05);
-            let again = up_from_fused(fused_from_orientation(q));
+            let again = up_from_fused(fused_from_orientation(q)).map(|x| x as f32);
             for axis in 0..3 {
                 prop_assert!((again[axis] - up[axis]).abs() < 1e-5, "{again:?} {up:?}");
             }
@@ -152,7 +154,7 @@ mod tests {
         fn yaw_after_tilt_is_the_orientation(q in orientation()) {
             let up = up_from_orientation(q);
             prop_assume!(up[2] > -0.9);
-            let again = compose(axis_angle([0.0, 0.0, 1.0], fused_yaw(q)), tilt_from_up(up));
+            let again = compose(axis_angle([0.0, 0.0, 1.0], fused_yaw(q)), tilt_from_up(up.map(f64::from)).map(|x| x as f32));
             let dot: f32 = again.iter().zip(&q).map(|(a, b)| a * b).sum();
             prop_assert!(dot.abs() > 1.0 - 1e-5, "{again:?} {q:?}");
         }
@@ -166,7 +168,7 @@ mod tests {
             let step = 5e-3;
             let ahead = fused_yaw(compose(q, axis_angle(axis, speed * step)));
             let behind = fused_yaw(compose(q, axis_angle(axis, -speed * step)));
-            prop_assert!(((ahead - behind) / (2.0 * step) - yaw_rate(gyro, up)).abs() < 5e-3);
+            prop_assert!(((ahead - behind) / (2.0 * step) - yaw_rate(gyro.map(f64::from), up.map(f64::from)) as f32).abs() < 5e-3);
         }
     }
 }

@@ -22,31 +22,35 @@
 
 use crate::{
     kinematics::Sole,
-    math::{Vec3, add, cross, dot, is_finite, scale},
+    math::{Vec3, add, cross, dot, scale},
     number::Number,
 };
 
 /// Height over the lowest corner at which a corner counts 0.6 as much, m: above what encoder noise of 1e-3 rad does at
 /// the end of a leg, below the clearance of a step.
-pub const HEIGHT_SCALE: f32 = 4e-3;
+pub const HEIGHT_SCALE: f64 = 4e-3;
 
 /// Difference from the previous estimate at which a corner's velocity counts 0.6 as much, m/s.
-pub const VELOCITY_SCALE: f32 = 0.05;
+pub const VELOCITY_SCALE: f64 = 0.05;
 
 /// Largest reduction of a corner's weight for its velocity, as an exponent.
-pub const VELOCITY_TERM_MAX: f32 = 8.0;
+pub const VELOCITY_TERM_MAX: f64 = 8.0;
 
 /// Velocity of the base origin in the base frame, m/s, from the soles of all legs, the gyro (base frame, rad/s),
 /// the unit vector against gravity in the base frame and the previous velocity of the base (base frame, m/s).
 /// `None` without legs or when the readings give nothing finite.
-pub fn base_velocity(soles: &[Sole], gyro: [f32; 3], up: [f32; 3], previous: [f32; 3]) -> Option<[f32; 3]> {
-    let mean = mean_velocity(soles, gyro, up, previous);
-    is_finite(&mean).then_some(mean)
+pub fn base_velocity(soles: &[Sole], gyro: [f64; 3], up: [f64; 3], previous: [f64; 3]) -> Option<[f64; 3]> {
+    finite(mean_velocity(soles, gyro, up, previous))
+}
+
+/// An estimate, if it is one.
+pub(crate) fn finite(velocity: Vec3<f64>) -> Option<Vec3<f64>> {
+    velocity.iter().all(|x| x.is_finite()).then_some(velocity)
 }
 
 /// [`base_velocity`], not finite where that is `None`.
 pub(crate) fn mean_velocity<N: Number>(soles: &[Sole<N>], gyro: Vec3<N>, up: Vec3<N>, previous: Vec3<N>) -> Vec3<N> {
-    let infinity = N::of(f32::INFINITY);
+    let infinity = N::of(f64::INFINITY);
     let corners = soles
         .iter()
         .flat_map(|sole| sole.corners.iter().map(move |&corner| (sole, corner)));

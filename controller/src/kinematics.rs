@@ -10,7 +10,7 @@ use crate::{
 
 /// A sole relative to the base, in the base frame: what an observer on the base sees, whatever the base itself does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Sole<N = f32> {
+pub struct Sole<N = f64> {
     /// Centre of the four corners, m.
     pub position: [N; 3],
     /// Orientation of the sole frame, unit quaternion x, y, z, w.
@@ -45,31 +45,33 @@ impl<N: Number> Sole<N> {
 }
 
 /// The sole of `leg` at joint positions `position` (rad or m) and velocities `velocity` (rad/s or m/s) of the policy's
-/// joints.
-pub fn sole<N: Number>(leg: &Leg, position: &[N], velocity: &[N]) -> Sole<N> {
+/// joints, by index.
+pub fn sole<N: Number>(leg: &Leg, position: impl Fn(usize) -> N, velocity: impl Fn(usize) -> N) -> Sole<N> {
     let zero = N::of(0.0);
     let mut frame = Frame {
         origin: [zero; 3],
-        rotation: IDENTITY.map(N::of),
+        rotation: of(IDENTITY),
         velocity: [zero; 3],
         angular_velocity: [zero; 3],
     };
     for segment in &leg.segments {
         let (value, rate) = match segment.joint {
             Some(joint) => {
-                let (joint, multiplier) = (usize::from(joint), N::of(segment.multiplier));
+                let (joint, multiplier) = (usize::from(joint), N::of(f64::from(segment.multiplier)));
                 (
-                    multiplier * position[joint] + N::of(segment.offset),
-                    multiplier * velocity[joint],
+                    multiplier * position(joint) + N::of(f64::from(segment.offset)),
+                    multiplier * velocity(joint),
                 )
             }
-            None => (N::of(segment.offset), zero),
+            None => (N::of(f64::from(segment.offset)), zero),
         };
-        frame.translate(segment.translation);
-        if segment.rotation != IDENTITY {
-            frame.rotation = compose(frame.rotation, segment.rotation.map(N::of));
+        if segment.translation != [0.0; 3] {
+            frame.translate(of(segment.translation));
         }
-        let own = segment.axis.map(N::of);
+        if segment.rotation != IDENTITY {
+            frame.rotation = compose(frame.rotation, of(segment.rotation));
+        }
+        let own = of(segment.axis);
         let axis = rotate(frame.rotation, own);
         if segment.prismatic {
             frame.shift(scale(axis, value));
@@ -80,16 +82,24 @@ pub fn sole<N: Number>(leg: &Leg, position: &[N], velocity: &[N]) -> Sole<N> {
         }
     }
     let ankle = frame;
-    frame.translate(scale(leg.corners.iter().copied().fold([0.0; 3], add), 0.25));
+    frame.translate(scale(
+        leg.corners.iter().map(|&corner| of(corner)).fold([zero; 3], add),
+        N::of(0.25),
+    ));
     Sole {
         position: frame.origin,
-        rotation: compose(ankle.rotation, leg.sole_rotation.map(N::of)),
+        rotation: compose(ankle.rotation, of(leg.sole_rotation)),
         velocity: frame.velocity,
         angular_velocity: frame.angular_velocity,
         corners: leg
             .corners
-            .map(|corner| add(ankle.origin, rotate(ankle.rotation, corner.map(N::of)))),
+            .map(|corner| add(ankle.origin, rotate(ankle.rotation, of(corner)))),
     }
+}
+
+/// Numbers of the spec as those of a robot or row.
+fn of<N: Number, const K: usize>(numbers: [f32; K]) -> [N; K] {
+    numbers.map(|x| N::of(f64::from(x)))
 }
 
 /// A frame on its way along the chain, seen from the base.
@@ -104,10 +114,8 @@ struct Frame<N> {
 impl<N: Number> Frame<N> {
     /// Moves the origin by `offset`, given in this frame, to another point of the same body.
     #[inline(always)]
-    fn translate(&mut self, offset: Vec3) {
-        if offset != [0.0; 3] {
-            self.shift(rotate(self.rotation, offset.map(N::of)));
-        }
+    fn translate(&mut self, offset: Vec3<N>) {
+        self.shift(rotate(self.rotation, offset));
     }
 
     /// Moves the origin by `arm`, given in the base frame, to another point of the same body.
@@ -120,8 +128,6 @@ impl<N: Number> Frame<N> {
 
 #[cfg(test)]
 mod tests {
-    use alloc::vec::Vec;
-
     use proptest::prelude::*;
 
     use super::*;
@@ -130,8 +136,7 @@ mod tests {
     #[test]
     fn a_straight_leg_hangs_below_its_hip() {
         let spec = biped();
-        let zero = [0.0; 10];
-        let left = sole(&spec.legs[0], &zero, &zero);
+        let left = sole(&spec.legs[0], |_| 0.0f64, |_| 0.0);
         let expected = [0.03, 0.09, -0.70];
         for (found, expected) in left.position.iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{:?}", left.position);
@@ -146,20 +151,19 @@ mod tests {
         let mut q = [0.0; 10];
         q[2] = -0.4;
         q[3] = 0.9;
-        let rotation = sole(&spec.legs[0], &q, &[0.0; 10]).rotation;
+        let rotation = sole(&spec.legs[0], |j| q[j], |_| 0.0f64).rotation;
         assert!(rotation[3].abs() > 1.0 - 1e-6, "{rotation:?}");
     }
 
     proptest! {
         #[test]
         fn velocities_are_the_derivatives_of_positions(
-            q in prop::array::uniform10(-0.7f32..0.7), dq in prop::array::uniform10(-3.0f32..3.0), slide in any::<bool>(),
+            q in prop::array::uniform10(-0.7f64..0.7), dq in prop::array::uniform10(-3.0f64..3.0), slide in any::<bool>(),
         ) {
             let leg = if slide { sliding_leg() } else { biped().legs[0].clone() };
             let step = 2e-3;
-            let ahead: Vec<f32> = q.iter().zip(&dq).map(|(q, dq)| q + step * dq).collect();
-            let behind: Vec<f32> = q.iter().zip(&dq).map(|(q, dq)| q - step * dq).collect();
-            let (ahead, behind, now) = (sole(&leg, &ahead, &dq), sole(&leg, &behind, &dq), sole(&leg, &q, &dq));
+            let at = |time: f64| sole(&leg, |j| q[j] + time * dq[j], |j| dq[j]);
+            let (ahead, behind, now) = (at(step), at(-step), at(0.0));
             for corner in 0..4 {
                 let velocity = now.velocity_at(now.corners[corner]);
                 for (axis, velocity) in velocity.iter().enumerate() {
@@ -170,10 +174,10 @@ mod tests {
         }
 
         #[test]
-        fn the_centre_is_the_mean_of_the_corners(q in prop::array::uniform10(-0.7f32..0.7)) {
-            let sole = sole(&biped().legs[1], &q, &[0.0; 10]);
+        fn the_centre_is_the_mean_of_the_corners(q in prop::array::uniform10(-0.7f64..0.7)) {
+            let sole = sole(&biped().legs[1], |j| q[j], |_| 0.0);
             for axis in 0..3 {
-                let mean = sole.corners.iter().map(|corner| corner[axis]).sum::<f32>() / 4.0;
+                let mean = sole.corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0;
                 prop_assert!((mean - sole.position[axis]).abs() < 1e-6);
             }
         }

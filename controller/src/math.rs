@@ -65,7 +65,7 @@ pub(crate) fn axis_angle<N: Number>(axis: Vec3<N>, angle: N) -> Quat<N> {
 }
 
 /// `v` turned by `angle` about z.
-pub(crate) fn rotate_z(angle: f32, v: Vec3) -> Vec3 {
-    let (sin, cos) = Number::sin_cos(angle);
+pub(crate) fn rotate_z<N: Number>(angle: N, v: Vec3<N>) -> Vec3<N> {
+    let (sin, cos) = angle.sin_cos();
     [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]]
 }

@@ -1,9 +1,9 @@
 //! One robot's loop between two steps: what turns readings into observations and actions into joint targets.
 
 use alloc::{vec, vec::Vec};
-use core::f32::consts::{PI, TAU};
+use core::f64::consts::{PI, TAU};
 
-use libm::{remainderf, roundf};
+use libm::{remainder, roundf};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -37,9 +37,9 @@ pub struct Sensors<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct InertialFrame {
     /// Heading of the base in it, rad, in [-pi, pi]: the integrated rate of the fused yaw.
-    heading: f32,
+    heading: f64,
     /// Rate of the fused yaw in the previous step, rad/s.
-    rate: f32,
+    rate: f64,
     /// Steps since it was set; `None` before the first step.
     age: Option<u32>,
     /// Steps after which it is set again.
@@ -47,7 +47,7 @@ struct InertialFrame {
 }
 
 impl InertialFrame {
-    fn advance(&mut self, rate: f32, dt: f32) {
+    fn advance(&mut self, rate: f64, dt: f64) {
         let rate = if rate.is_finite() { rate } else { self.rate };
         match self.age.map(|age| age + 1) {
             Some(age) if age < self.period => {
@@ -55,7 +55,7 @@ impl InertialFrame {
                 let heading = if heading.abs() <= PI {
                     heading
                 } else {
-                    remainderf(heading, TAU)
+                    remainder(heading, TAU)
                 };
                 self.heading = if heading.is_finite() { heading } else { self.heading };
                 self.age = Some(age);
@@ -75,13 +75,13 @@ impl InertialFrame {
 pub struct Pipeline {
     frame: InertialFrame,
     /// Estimated velocity of the base, inertial and base frame, m/s.
-    velocity: [Vec3; 2],
+    velocity: [Vec3<f64>; 2],
     /// By the readings of the last step.
     soles: Vec<Sole>,
     desired: Vec3,
     commanded: Vec3,
     /// Mean of what the velocity lacks to the commanded one, level, at the base's heading.
-    tracking_error: Vec3,
+    tracking_error: Vec3<f64>,
     clock_phase: f32,
     filter: Option<Filter>,
     /// Measured positions of the last observation; the last finite reading of each joint.
@@ -179,14 +179,15 @@ impl Pipeline {
     pub fn observe(&mut self, spec: &Spec, sensors: &Sensors, desired: [f32; 3], out: &mut [f32]) {
         let up = self.take_in(spec, sensors);
         for (state, leg) in self.soles.iter_mut().zip(&spec.legs) {
-            *state = sole(leg, sensors.position, sensors.velocity);
+            let of = |values: &'_ [f32], joint: usize| f64::from(values[joint]);
+            *state = sole(leg, |j| of(sensors.position, j), |j| of(sensors.velocity, j));
         }
-        let estimate = base_velocity(&self.soles, sensors.gyro, up, self.velocity[1]);
+        let estimate = base_velocity(&self.soles, sensors.gyro.map(f64::from), up, self.velocity[1]);
         self.give_out(spec, sensors, up, estimate, desired, out);
     }
 
     /// Remembers the readings and advances the inertial frame; returns the unit vector against gravity in the base frame.
-    pub(crate) fn take_in(&mut self, spec: &Spec, sensors: &Sensors) -> Vec3 {
+    pub(crate) fn take_in(&mut self, spec: &Spec, sensors: &Sensors) -> Vec3<f64> {
         assert_eq!(
             sensors.position.len(),
             spec.joints.len(),
@@ -203,7 +204,8 @@ impl Pipeline {
             }
         }
         let up = up_from_fused(sensors.attitude);
-        self.frame.advance(yaw_rate(sensors.gyro, up), 1.0 / spec.control_hz);
+        let rate = yaw_rate(sensors.gyro.map(f64::from), up);
+        self.frame.advance(rate, 1.0 / f64::from(spec.control_hz));
         up
     }
 
@@ -212,15 +214,16 @@ impl Pipeline {
         &mut self,
         spec: &Spec,
         sensors: &Sensors,
-        up: Vec3,
-        estimate: Option<Vec3>,
+        up: Vec3<f64>,
+        estimate: Option<Vec3<f64>>,
         desired: [f32; 3],
         out: &mut [f32],
     ) {
-        let given = sensors.base_velocity.filter(|velocity| is_finite(velocity));
+        let given = sensors.base_velocity.map(|velocity| velocity.map(f64::from));
+        let given = given.filter(|velocity| is_finite(&single(*velocity)));
         if let Some(base) = given.or(estimate) {
             let inertial = rotate_z(self.frame.heading, level(up, base));
-            if is_finite(&inertial) {
+            if is_finite(&single(inertial)) && is_finite(&single(base)) {
                 self.velocity = [inertial, base];
             }
         }
@@ -303,9 +306,14 @@ impl Pipeline {
         spec.symmetry.as_deref().filter(|_| self.clock_phase >= 0.5)
     }
 
+    /// Velocity of the base origin in the base frame after the last step, m/s.
+    pub(crate) fn base_velocity(&self) -> Vec3<f64> {
+        self.velocity[1]
+    }
+
     /// Velocity of the base origin as observed in the last step, m/s: in the inertial and in the base frame.
     pub fn velocity(&self) -> ([f32; 3], [f32; 3]) {
-        (self.velocity[0], self.velocity[1])
+        (single(self.velocity[0]), single(self.velocity[1]))
     }
 
     /// The feet in the order of the spec's legs, relative to the base by the readings of the last step.
@@ -315,7 +323,7 @@ impl Pipeline {
 
     /// Heading of the base in the inertial frame, rad, in [-pi, pi].
     pub fn heading(&self) -> f32 {
-        self.frame.heading
+        self.frame.heading as f32
     }
 
     /// True if the inertial frame was set to the base's heading in the last [`observe`](Self::observe), as in the first
@@ -338,14 +346,14 @@ impl Pipeline {
     }
 
     /// Goes on with the mean of the tracking error.
-    fn track(&mut self, spec: &Spec, up: Vec3) {
+    fn track(&mut self, spec: &Spec, up: Vec3<f64>) {
         let [x, y, _] = level(up, self.velocity[1]);
         let measured = [x, y, self.frame.rate];
-        let gain = (1.0 / (TRACKING_SECONDS * spec.control_hz)).min(1.0);
+        let gain = f64::from(1.0 / (TRACKING_SECONDS * spec.control_hz)).min(1.0);
         let axes = self.commanded.iter().zip(measured);
         for (mean, (commanded, measured)) in self.tracking_error.iter_mut().zip(axes) {
-            let next = *mean + gain * (commanded - measured - *mean);
-            if next.is_finite() {
+            let next = *mean + gain * (f64::from(*commanded) - measured - *mean);
+            if (next as f32).is_finite() {
                 *mean = next;
             }
         }
@@ -353,7 +361,7 @@ impl Pipeline {
 
     fn write(&self, spec: &Spec, sensors: &Sensors, out: &mut [f32]) {
         assert_eq!(out.len(), spec.observation_len(), "the observation's length");
-        let (sin, cos) = Number::sin_cos(TAU * self.clock_phase);
+        let (sin, cos) = Number::sin_cos(TAU * f64::from(self.clock_phase));
         let mut rest = out;
         for &block in &spec.observation {
             let (entries, tail) = rest.split_at_mut(spec.block_len(block));
@@ -363,12 +371,12 @@ impl Pipeline {
                 Block::JointVelocity => entries.copy_from_slice(sensors.velocity),
                 Block::Attitude => entries.copy_from_slice(&sensors.attitude),
                 Block::Gyro => entries.copy_from_slice(&sensors.gyro),
-                Block::VelocityInertial => entries.copy_from_slice(&self.velocity[0]),
-                Block::VelocityBase => entries.copy_from_slice(&self.velocity[1]),
+                Block::VelocityInertial => entries.copy_from_slice(&single(self.velocity[0])),
+                Block::VelocityBase => entries.copy_from_slice(&single(self.velocity[1])),
                 Block::DesiredVelocity => entries.copy_from_slice(&self.desired),
                 Block::CommandedVelocity => entries.copy_from_slice(&self.commanded),
-                Block::Clock => entries.copy_from_slice(&[sin, cos]),
-                Block::TrackingError => entries.copy_from_slice(&self.tracking_error),
+                Block::Clock => entries.copy_from_slice(&[sin as f32, cos as f32]),
+                Block::TrackingError => entries.copy_from_slice(&single(self.tracking_error)),
                 Block::PreviousTarget => {
                     for ((entry, target), joint) in entries.iter_mut().zip(&self.previous_target).zip(&spec.joints) {
                         *entry = target - joint.nominal;
@@ -405,6 +413,11 @@ fn clip_velocity(spec: &Spec, velocity: Vec3, held: Vec3) -> Vec3 {
         };
         value.clamp(spec.command.lower[axis], spec.command.upper[axis])
     })
+}
+
+/// What is observed of a vector that is remembered in double precision.
+fn single(v: Vec3<f64>) -> Vec3 {
+    v.map(|x| x as f32)
 }
 
 /// The fraction of a cycle in [0, 1).

@@ -3,9 +3,9 @@
 use alloc::{vec, vec::Vec};
 
 use crate::{
-    estimator::mean_velocity,
+    estimator::{finite, mean_velocity},
     kinematics::{Sole, sole},
-    math::{Vec3, is_finite},
+    math::Vec3,
     number::{Number, Row},
     pipeline::{Pipeline, Sensors},
     spec::Spec,
@@ -36,7 +36,11 @@ impl RowObserver {
     /// Scratch memory for `spec`.
     pub fn new(spec: &Spec) -> Self {
         let zeros = vec![Row::of(0.0); spec.joints.len()];
-        let soles = spec.legs.iter().map(|leg| sole(leg, &zeros, &zeros)).collect();
+        let soles = spec
+            .legs
+            .iter()
+            .map(|leg| sole(leg, |j| zeros[j], |j| zeros[j]))
+            .collect();
         Self {
             velocity: zeros.clone(),
             position: zeros,
@@ -56,13 +60,13 @@ impl RowObserver {
                 continue;
             };
             put(&mut up, i, pipeline.take_in(spec, sensors));
-            put(&mut gyro, i, sensors.gyro);
-            put(&mut previous, i, pipeline.velocity().1);
-            put(&mut self.position, i, sensors.position.iter().copied());
-            put(&mut self.velocity, i, sensors.velocity.iter().copied());
+            put(&mut gyro, i, sensors.gyro.map(f64::from));
+            put(&mut previous, i, pipeline.base_velocity());
+            put(&mut self.position, i, sensors.position.iter().copied().map(f64::from));
+            put(&mut self.velocity, i, sensors.velocity.iter().copied().map(f64::from));
         }
         for (state, leg) in self.soles.iter_mut().zip(&spec.legs) {
-            *state = sole(leg, &self.position, &self.velocity);
+            *state = sole(leg, |j| self.position[j], |j| self.velocity[j]);
         }
         let mean = mean_velocity(&self.soles, gyro, up, previous);
         for (i, turn) in turns.iter_mut().enumerate() {
@@ -71,17 +75,17 @@ impl RowObserver {
                 *to = from.map(|row| row.0[i]);
             }
             let of = |row: Vec3<Row>| row.map(|row| row.0[i]);
-            let estimate = Some(of(mean)).filter(|velocity| is_finite(velocity));
             let Turn {
                 sensors, desired, out, ..
             } = turn;
-            turn.pipeline.give_out(spec, sensors, of(up), estimate, *desired, out);
+            turn.pipeline
+                .give_out(spec, sensors, of(up), finite(of(mean)), *desired, out);
         }
     }
 }
 
 /// Sets place `i` of each row.
-fn put(rows: &mut [Row], i: usize, values: impl IntoIterator<Item = f32>) {
+fn put(rows: &mut [Row], i: usize, values: impl IntoIterator<Item = f64>) {
     for (row, value) in rows.iter_mut().zip(values) {
         row.0[i] = value;
     }

@@ -60,7 +60,7 @@ fn foothold(side: f32, t: f32) -> (Vec3, f32) {
 /// How far the foot of `leg` is off its foothold: position, yaw, and the height difference of its sides.
 fn miss(spec: &Spec, leg: usize, q: &[f32; 10], t: f32) -> [f32; 5] {
     let (origin, orientation) = base(t);
-    let sole = sole(&spec.legs[leg], q, &[0.0; 10]);
+    let sole = sole::<f32>(&spec.legs[leg], |j| q[j], |_| 0.0);
     let edge = scale(add(sole.corners[0], sole.corners[1]), 0.5);
     let (place, yaw) = foothold(1.0 - 2.0 * leg as f32, t);
     let [x, y, z] = add(add(origin, rotate(orientation, edge)), scale(place, -1.0));
@@ -193,29 +193,34 @@ fn error(spec: &Spec, walk: &[Instant], noise: f32, offset: f32, rule: Rule) -> 
 }
 
 fn soles(spec: &Spec, position: &[f32; 10], velocity: &[f32; 10]) -> [Sole; 2] {
-    [0, 1].map(|leg| sole(&spec.legs[leg], position, velocity))
+    [0, 1].map(|leg| sole(&spec.legs[leg], |j| f64::from(position[j]), |j| f64::from(velocity[j])))
 }
 
 fn ours(soles: &[Sole; 2], gyro: Vec3, up: Vec3, previous: Vec3) -> Vec3 {
-    base_velocity(soles, gyro, up, previous).expect("finite")
+    let [gyro, up, previous] = [gyro, up, previous].map(|v| v.map(f64::from));
+    base_velocity(soles, gyro, up, previous)
+        .expect("finite")
+        .map(|x| x as f32)
 }
 
 /// The lowest corner alone.
 fn lowest_corner(soles: &[Sole; 2], gyro: Vec3, up: Vec3, _: Vec3) -> Vec3 {
+    let up = up.map(f64::from);
     let corners = soles.iter().flat_map(|sole| sole.corners.map(|corner| (sole, corner)));
     let lowest = corners
         .min_by(|a, b| dot(up, a.1).total_cmp(&dot(up, b.1)))
         .expect("eight corners");
-    resting(lowest.0, lowest.1, gyro)
+    resting(lowest.0, lowest.1, gyro.map(f64::from)).map(|x| x as f32)
 }
 
 /// The centre of the lower sole: the usual "stance foot".
 fn lower_sole(soles: &[Sole; 2], gyro: Vec3, up: Vec3, _: Vec3) -> Vec3 {
+    let up = up.map(f64::from);
     let lower = soles
         .iter()
         .min_by(|a, b| dot(up, a.position).total_cmp(&dot(up, b.position)))
         .expect("two soles");
-    resting(lower, lower.position, gyro)
+    resting(lower, lower.position, gyro.map(f64::from)).map(|x| x as f32)
 }
 
 #[test]
