@@ -17,6 +17,8 @@ What the model is made of, and why:
   two steps.
 - Robot geoms collide with the floor only, as in the project's engines, unless `legs` is set: then the shapes of the bodies
   that must not pass through each other collide too.
+- Effects on links are in the bodies. What else a robot has beyond rigid bodies (play, delays, encoders) no MJCF holds: a comment
+  names it.
 - The constraint Jacobian is dense: the Newton solver of MuJoCo 4.0.0 factors the Hessian of a sparse one wrongly
   (repaired in 4.0.1).
 """
@@ -24,7 +26,8 @@ What the model is made of, and why:
 from __future__ import annotations
 
 import math
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+import re
+from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import mujoco
 import numpy as np
@@ -50,6 +53,9 @@ def write(robot: Robot, physics_hz: float = 1000.0, *, legs: bool = False) -> st
     """The robot on a plane as MJCF, with a keyframe `nominal`: standing in the nominal pose, targets there too. With `legs`
     the bodies of `robot.overlaps` collide with each other."""
     root = Element("mujoco", model=robot.name)
+    if robot.beyond:
+        # Names of joints may have two hyphens in a row, a comment must not.
+        root.append(Comment(re.sub("-(?=-)", "- ", f" Not in this model: {', '.join(robot.beyond)} ")))
     SubElement(root, "compiler", angle="radian", autolimits="true", balanceinertia="false")
     SubElement(
         root,

@@ -24,7 +24,7 @@ DEFAULT_DAMPING_TIME = 0.025
 
 @dataclass
 class Motor:
-    """A position servo, `torque = kp (target - q) - kd dq` within +-`torque_limit`; SI units."""
+    """A position servo, `torque = kp (target - q) - kd dq` within +-`torque_limit`, with the stiffness it really has; SI units."""
 
     kp: float
     kd: float
@@ -64,7 +64,7 @@ class Robot:
     """The robot as both sides of the comparison understand it. `joints` and `nominal` go with `tree.joints`;
     `contacts` are further points (body, m) that touch the ground; `overlaps` are the pairs of bodies that must not pass
     through each other; `policy` names the joints a policy moves; `fixed_pose` is the world pose of a base that does not
-    float."""
+    float; `beyond` are the effects that no rigid body has, each with what it is on."""
 
     name: str
     floating: bool
@@ -75,6 +75,7 @@ class Robot:
     contacts: list[tuple[int, np.ndarray]]
     overlaps: list[tuple[int, int]]
     policy: list[str]
+    beyond: list[str]
 
     def nominal(self) -> list[float]:
         """Nominal positions of all moving joints, mimic joints included (rad or m)."""
@@ -105,6 +106,7 @@ def load(path: Path) -> Robot:
     }
     root, given_base, base_pose = _base(description)
     merged = tree.build(description, root, tree.held_positions(description, locked))
+    beyond = [effect for entry in settings.get("effect", []) for effect in _effect(merged, entry)]
     joints = [_joint_model(joint, values[joint.name]) for joint in merged.joints]
     feet = [_foot(merged, entry) for entry in settings.get("foot", [])]
     base = settings.get("base", given_base or ("floating" if feet else "fixed"))
@@ -118,7 +120,27 @@ def load(path: Path) -> Robot:
         contacts=[contact for entry in settings.get("contact", []) for contact in _contact(merged, entry)],
         overlaps=[tuple(merged.body_of(link)[0] for link in pair) for pair in settings.get("overlap_pairs", [])],
         policy=_policy(settings, merged, joints),
+        beyond=beyond,
     )
+
+
+def _effect(merged: Tree, entry: dict) -> list[str]:
+    """Changes the bodies by an effect on links. Of others, which act between motors, joints and encoders, the names."""
+    for body in merged.bodies:
+        if not any(_matches(body.name, pattern) for pattern in entry["match"]):
+            continue
+        place = np.array([entry.get(axis, 0.0) for axis in "xyz"])
+        match entry["id"]:
+            case "mass":
+                body.mass, body.inertia = entry["factor"] * body.mass, entry["factor"] * body.inertia
+            case "centre_of_mass":
+                body.com = body.com + place
+            case "payload":
+                body.add(entry["mass"], place, np.zeros((3, 3)))
+    if entry["id"] in ("mass", "centre_of_mass", "payload"):
+        return []
+    joints = [joint.name for joint in merged.joints]
+    return [f"{entry['id']} ({name})" for name in joints if any(_matches(name, p) for p in entry["match"])]
 
 
 def _read(path: Path) -> tuple[Urdf, dict]:
@@ -180,7 +202,7 @@ def _motor(joint: urdf.Joint, values: dict) -> Motor | None:
     if not (0 < torque_limit < math.inf and 0 < speed_limit < math.inf):
         return None
     kp = values.get("kp", torque_limit / DEFAULT_REACH)
-    return Motor(kp, values.get("kd", kp * DEFAULT_DAMPING_TIME), torque_limit, speed_limit)
+    return Motor(values.get("kp_scale", 1.0) * kp, values.get("kd", kp * DEFAULT_DAMPING_TIME), torque_limit, speed_limit)
 
 
 def _foot(merged: Tree, entry: dict) -> Foot:

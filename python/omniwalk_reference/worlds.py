@@ -23,6 +23,13 @@ FAR, FAST = 1e4, 1e4
 """Beyond these a world counts as lost: positions in m or rad, velocities in m/s or rad/s."""
 
 
+MOST_TRIES = 8
+"""Times that a step is taken until motors are at their limits or not as they were taken to be."""
+
+LEAST_ROTOR = 1e-3
+"""Share of a rotor that stays at its joint where play or elasticity make the rotor a body of its own: joints of plates without mass
+would be singular."""
+
 WEIGHT = ["body_mass", "body_ipos", "body_inertia", "body_iquat"]
 """What a body weighs: mass, centre of mass, principal moments and their axes."""
 
@@ -76,10 +83,6 @@ class World:
         joints = [model.joint(name) for name in worlds.dofs]
         self.positions = np.array([joint.qposadr[0] for joint in joints])
         self.velocities = np.array([joint.dofadr[0] for joint in joints])
-        motors = {model.actuator(a).name: a for a in range(model.nu)}
-        powered = [(d, motors[name]) for d, name in enumerate(worlds.dofs) if name in motors]
-        self.powered, self.motors = (np.array(column, int) for column in zip(*powered)) if powered else (np.zeros(0, int),) * 2
-        self.bare = np.array([d for d, name in enumerate(worlds.dofs) if name not in motors], int)
         self.soles = np.full(model.ngeom, -1)
         for index, name in enumerate(worlds.soles):
             self.soles[model.geom(name).id] = index
@@ -87,10 +90,10 @@ class World:
         self.forces = np.zeros((len(worlds.soles), 3))
         self.torques, self.lost = np.zeros(len(joints)), False
         # Views, as looking them up takes longer than writing to them.
-        self.gain, self.bias, self.range = model.actuator_gainprm, model.actuator_biasprm, model.actuator_forcerange
-        self.friction, self.control, self.applied = model.dof_frictionloss, data.ctrl, data.qfrc_applied
-        self.position, self.velocity, self.force = data.qpos, data.qvel, data.actuator_force
-        model.actuator_forcelimited[:] = 1
+        self.armature, self.friction, self.applied = model.dof_armature, model.dof_frictionloss, data.qfrc_applied
+        self.position, self.velocity = data.qpos, data.qvel
+        # Every step brings its own torques.
+        model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0
         fields = [*WEIGHT, "dof_armature", "dof_damping"]
         self.own = SimpleNamespace(**{field: getattr(model, field).copy() for field in fields})
 
@@ -108,8 +111,10 @@ class World:
         self.friction[:] = 0.0
         for name, (armature, damping) in zip(joints, passive.reshape(-1, 2)):
             dof = model.joint(name).dofadr[0]
-            model.dof_armature[dof] = own.dof_armature[dof] if np.isnan(armature) else armature
+            rotor = own.dof_armature[dof]
+            model.dof_armature[dof] = rotor if np.isnan(armature) else max(armature, LEAST_ROTOR * rotor)
             model.dof_damping[dof] = own.dof_damping[dof] if np.isnan(damping) else damping
+        self.rotors = self.armature[self.velocities]
         changed = [self._weigh(name, row) for name, row in zip(links, bodies.reshape(-1, 10))]
         if any(changed):
             mujoco.mj_setConst(model, data)
@@ -158,22 +163,34 @@ class World:
         """One step under a drive, rows as in [`Worlds.step`]."""
         if self.lost:
             return
-        target, stiffness, damping, ahead, lower, upper, friction = drive
-        on, motors, bare = self.powered, self.motors, self.bare
-        self.gain[motors, 0], self.bias[motors, 0] = stiffness[on], ahead[on]
-        self.bias[motors, 1], self.bias[motors, 2] = -stiffness[on], -damping[on]
-        self.range[motors, 0], self.range[motors, 1] = lower[on], upper[on]
-        self.control[motors] = target[on]
-        self.friction[self.velocities] = friction
+        self.friction[self.velocities] = drive[6]
         if self.floating:
             # The generalised force on the base's position is a force on its origin in the world frame.
             self.applied[:3] = push
-        if bare.size:
-            self.torques[bare] = np.clip(ahead[bare], lower[bare], upper[bare])
-            self.applied[self.velocities[bare]] = self.torques[bare]
-        mujoco.mj_step(self.model, self.data)
-        self.torques[on] = self.force[motors]
+        self._move(*drive[:6])
         self._feel()
+
+    def _move(self, target, stiffness, damping, ahead, lower, upper) -> None:
+        """MuJoCo's step of h s under motors whose velocity gain D and limits hold for the velocity after it.
+
+        `(M + h D) a = f - D v` with the velocity v before is that gain; h D is given as armature. MuJoCo's own implicit integration
+        solves contacts and couplings with M alone, and clamps by v, with which the end of a gap, which pushes and never pulls, would
+        pull: robots with play or springs in their joints came apart."""
+        data, dofs, h = self.data, self.velocities, self.model.opt.timestep
+        before = self.position.copy(), self.velocity.copy(), data.qacc_warmstart.copy()
+        at_rest, v = stiffness * (target - self.position[self.positions]) + ahead, self.velocity[dofs]
+        torque = at_rest - damping * v
+        for attempt in range(MOST_TRIES):
+            free, limit = (lower < torque) & (torque < upper), np.clip(torque, lower, upper)
+            if attempt:
+                self.position[:], self.velocity[:], data.qacc_warmstart[:] = before
+            self.armature[dofs] = self.rotors + np.where(free, h * damping, 0.0)
+            self.applied[dofs] = np.where(free, at_rest - damping * v, limit)
+            mujoco.mj_step(self.model, data)
+            torque = at_rest - damping * self.velocity[dofs]
+            if np.array_equal(np.clip(torque, lower, upper), np.where(free, torque, limit)):
+                break
+        self.torques[:] = np.where(free, torque, limit)
 
     def _feel(self) -> None:
         """The ground's forces on the feet in this step."""

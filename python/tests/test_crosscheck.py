@@ -3,6 +3,8 @@ among its checkpoints."""
 
 import csv
 import json
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -47,6 +49,53 @@ def test_the_second_reader_and_the_physics_agree(tmp_path: Path) -> None:
     assert all(check["found"] > 0 for name, check in checks.items() if not name.startswith("observation"))
     for engine in ("lanes", "rapier"):
         assert any(name.startswith(f"{engine}: dropped") for name in checks)
+
+
+EFFECTS = {
+    "backlash": 'match = ["*_knee_pitch", "*_ankle_*"]\ngap = 0.01',
+    "elasticity": 'match = ["*_knee_pitch", "*_hip_*"]\ncompliance = 0.002',
+    "sensor_offset": 'match = ["*_hip_pitch"]\noffset = 0.02',
+    "payload": 'match = ["trunk_link"]\nmass = 1.5\nx = 0.05',
+}
+"""One of a joint, one of a link with couplings in it, one of encoders and one of bodies."""
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_a_robot_with_effects_is_the_same_in_mujoco(tmp_path: Path, effect: str) -> None:
+    robot = tmp_path / "robot"
+    shutil.copytree(ROOT / "robots/nimbro_op2x", robot)
+    with (robot / "robot.toml").open("a") as file:
+        file.write(f'\n[[effect]]\nid = "{effect}"\n{EFFECTS[effect]}\n')
+    result = call(
+        *("crosscheck", TRAINED, "--robot", robot, "--gate", "physics,closed_loop", "--suite", "commands"),
+        *("--episodes", "1", "--seconds", "4", "--out", tmp_path),
+    )
+    assert result.returncode in (0, 1), result.stderr
+    gates = json.loads((tmp_path / "crosscheck.json").read_text())["gates"]
+    assert gates["physics"]["pass"], result.stdout
+    left_out = {name.split()[0] for name in gates["physics"]["left_out"]}
+    assert left_out == ({effect} if effect != "payload" else set())
+    # A single sequence of each command says nothing of errors; a walk that falls apart does.
+    for gate in ("closed_loop", "closed_loop_lanes"):
+        assert gates[gate]["mujoco"]["survived"] == gates[gate]["mujoco"]["sequences"], result.stdout
+
+
+def test_the_printed_model_has_real_stiffness_and_names_what_it_lacks(tmp_path: Path) -> None:
+    robot = tmp_path / "robot"
+    shutil.copytree(ROOT / "robots/nimbro_op2x", robot)
+    print_model = [sys.executable, "-m", "omniwalk_reference", "mjcf", str(robot), "--legs"]
+    gain = re.compile('name="left_ankle_roll" joint="left_ankle_roll" kp="([^"]*)"')
+    run = lambda: subprocess.run(print_model, cwd=ROOT / "python", check=True, capture_output=True, text=True)
+    before = run()
+    assert not before.stderr and "<pair" in before.stdout
+    with (robot / "robot.toml").open("a") as file:
+        file.write('\n[[joint]]\nmatch = ["left_ankle_roll"]\nkp_scale = 0.8\n')
+        file.write('\n[[effect]]\nid = "backlash"\nmatch = ["left_ankle_roll"]\ngap = 0.01\n')
+    after = run()
+    stiffness = [float(gain.search(model.stdout)[1]) for model in (before, after)]
+    assert stiffness[1] == pytest.approx(0.8 * stiffness[0])
+    for said in (after.stdout, after.stderr):
+        assert "ot in this model: backlash (left_ankle_roll)" in said
 
 
 def test_a_policy_that_falls_fails_with_exit_code_one(trained_run: Path, tmp_path: Path) -> None:

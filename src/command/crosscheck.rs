@@ -1,12 +1,14 @@
 //! `omniwalk crosscheck`.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread::available_parallelism;
 
 use clap::Parser as _;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_env::config::GroundKind;
 use omniwalk_env::engine::Configured;
+use omniwalk_env::robot::Robot;
 use serde_json::{Map, Value, json};
 
 use crate::complaint;
@@ -37,9 +39,9 @@ pub struct Args {
     /// The gates, separated by commas [default: all].
     #[arg(long, value_delimiter = ',', value_parser = GATES)]
     gate: Vec<String>,
-    /// The project's engine that the policy walks in beside MuJoCo.
-    #[arg(long, value_parser = ["rapier", "lanes"], default_value = "rapier")]
-    engine: String,
+    /// The project's engines that the policy walks in beside MuJoCo, separated by commas.
+    #[arg(long, value_delimiter = ',', value_parser = ["rapier", "lanes"], default_value = "rapier,lanes")]
+    engine: Vec<String>,
     /// What is walked, separated by commas [default: all that the policy was trained for].
     ///
     /// commands: the commands of the run's `[eval]` section; falls, tracking and push: as in `omniwalk eval`.
@@ -123,9 +125,7 @@ pub fn run(args: &Args) -> miette::Result<bool> {
     {
         return Err(miette!("--seconds takes a time above 0 and up to 86400 s"));
     }
-    let mut changes = args.set.clone();
-    changes.push(format!("engine.kind={}", args.engine));
-    let subject = Subject::open(&args.run, args.checkpoint.as_deref(), args.robot.as_deref(), &changes)?;
+    let subject = Subject::open(&args.run, args.checkpoint.as_deref(), args.robot.as_deref(), &args.set)?;
     let parts = parts(args, &subject)?;
     if subject.settings.env.ground.kind != GroundKind::Plane {
         return Err(miette!(
@@ -139,7 +139,7 @@ pub fn run(args: &Args) -> miette::Result<bool> {
         "policy": args.run.display().to_string(),
         "steps": subject.policy.identity().steps,
         "robot": subject.robot.name,
-        "engine": args.engine,
+        "engine": args.engine.join(", "),
         "seed": args.seed,
         "physics_hz": subject.settings.env.engine.physics_hz,
         "mujoco": python.mujoco,
@@ -155,19 +155,22 @@ pub fn run(args: &Args) -> miette::Result<bool> {
         gates.insert("network".into(), network_gate(&checks));
     }
     if asked("physics") {
-        let mut checks = dynamics::checks(&subject.robot, &workshop)?;
-        checks.extend(motions::checks(&subject.robot, &workshop)?);
+        let robot = Arc::new(subject.robot.rigid());
+        let mut checks = dynamics::checks(&robot, &workshop)?;
+        checks.extend(motions::checks(&robot, &workshop)?);
         checks.extend(observation::checks(
             &subject,
-            &subject.conditions(&changes)?,
+            &robot,
+            &subject.conditions(&args.set)?,
             &workshop,
         )?);
         say(check::text("physics and observation", &checks))?;
-        gates.insert("physics".into(), check::gate(&checks));
+        let mut gate = check::gate(&checks);
+        gate["left_out"] = json!(effects_of_actuators(&subject.robot));
+        gates.insert("physics".into(), gate);
     }
     if asked("closed_loop") {
-        let verdict = closed_loop(args, &subject, &workshop, &parts, &changes)?;
-        gates.insert("closed_loop".into(), verdict);
+        closed_loop(args, &subject, &workshop, &parts, &mut gates)?;
     }
     let passed = gates.values().all(|gate| gate["pass"] == true);
     result["pass"] = json!(passed);
@@ -191,6 +194,13 @@ fn parts(args: &Args, subject: &Subject) -> miette::Result<Vec<Part>> {
         .filter(asked)
         .partition(|part| subject.knows(part.commands(subject)));
     let refused = unknown.first().filter(|_| !args.suite.is_empty() || known.is_empty());
+    if refused.is_none() && !unknown.is_empty() {
+        let names: Vec<&str> = unknown.iter().map(|part| part.name()).collect();
+        tell(format_args!(
+            "left out, as the policy was not trained for what they ask for: {}",
+            names.join(", ")
+        ));
+    }
     refused.map_or(Ok(known), |part| {
         Err(miette!(
             help = "leave that suite out; for other commands: --suite commands --set 'eval.commands=[[0.0, 0.0, 0.0]]'",
@@ -202,26 +212,55 @@ fn parts(args: &Args, subject: &Subject) -> miette::Result<Vec<Part>> {
     })
 }
 
+/// Plays the third gate in MuJoCo and in every engine: `closed_loop` of the first, `closed_loop_NAME` of another.
 fn closed_loop(
     args: &Args,
     subject: &Subject,
     workshop: &Workshop,
     parts: &[Part],
-    changes: &[String],
-) -> miette::Result<Value> {
+    gates: &mut Map<String, Value>,
+) -> miette::Result<()> {
     let plan = Plan {
         episodes: args.episodes.into(),
         seconds: args.seconds,
     };
-    let mut conditions = subject.conditions(changes)?;
-    let engine = closed_loop::play(subject, &conditions, &Configured, parts, &plan, args.seed)?;
-    conditions.task.end_on_overlap = false;
-    let mujoco = closed_loop::play(subject, &conditions, workshop, parts, &plan, args.seed)?;
-    workshop.check()?;
-    let mut verdict = closed_loop::verdict(&args.engine, engine, mujoco);
-    verdict["episodes"] = json!(args.episodes);
-    say(closed_loop::text(&verdict))?;
-    Ok(verdict)
+    let conditions = |engine: &str| {
+        let mut changes = args.set.clone();
+        changes.push(format!("engine.kind={engine}"));
+        subject.conditions(&changes)
+    };
+    let mut mujoco = None;
+    for engine in &args.engine {
+        let mut conditions = conditions(engine)?;
+        let ours = closed_loop::play(subject, &conditions, &Configured, parts, &plan, args.seed)?;
+        let theirs = match mujoco.take() {
+            Some(theirs) => theirs,
+            None => {
+                conditions.task.end_on_overlap = false;
+                closed_loop::play(subject, &conditions, workshop, parts, &plan, args.seed)?
+            }
+        };
+        workshop.check()?;
+        let mut verdict = closed_loop::verdict(engine, ours, theirs.clone());
+        mujoco = Some(theirs);
+        verdict["episodes"] = json!(args.episodes);
+        say(closed_loop::text(&verdict))?;
+        let name = if gates.contains_key("closed_loop") {
+            format!("closed_loop_{engine}")
+        } else {
+            "closed_loop".into()
+        };
+        gates.insert(name, verdict);
+    }
+    Ok(())
+}
+
+/// What gate 2 leaves out, by name: actuators and encoders are the same code in every engine, MuJoCo's worlds included.
+fn effects_of_actuators(robot: &Robot) -> Vec<String> {
+    let effects = robot.effects.iter().filter(|effect| effect.kind.runs());
+    effects
+        .map(|effect| format!("{} ({})", effect.kind.id(), robot.dof(effect.target).name))
+        .collect()
 }
 
 fn save(args: &Args, result: &Value) -> miette::Result<()> {

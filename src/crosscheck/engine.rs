@@ -305,12 +305,10 @@ fn link_numbers(link: &Inertial) -> [f64; 10] {
     [link.mass, c.x, c.y, c.z, i[0], i[1], i[2], i[3], i[4], i[5]]
 }
 
-/// Mass properties where they are not those of the robot's files, which Python reads for itself: not numbers elsewhere. Effects on
-/// bodies are in the links of this side alone.
+/// Mass properties where they are not those of the robot's files, which Python reads for itself: not numbers elsewhere.
 fn link_changes(robot: &Robot, model: &World) -> impl Iterator<Item = f64> {
-    let own = robot.effects.is_empty();
     let links = robot.links.iter().zip(&model.links);
-    links.flat_map(move |(link, now)| match own && link.inertial == *now {
+    links.flat_map(|(link, now)| match link.inertial == *now {
         true => [f64::NAN; 10],
         false => link_numbers(now),
     })

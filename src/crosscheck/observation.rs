@@ -1,10 +1,13 @@
 //! Every block of the observation along one trajectory: what the environment's sensors and controller make of it in single
 //! precision, against MuJoCo's own kinematics of the same states read by the second reader in double precision.
 
+use std::sync::Arc;
+
 use miette::miette;
 use omniwalk_env::Batch;
 use omniwalk_env::EnvConfig;
 use omniwalk_env::engine::BaseState;
+use omniwalk_env::robot::Robot;
 use serde_json::json;
 
 use super::check::Check;
@@ -28,14 +31,19 @@ const ROUNDINGS: f64 = 200.0;
 /// to a dozen roundings, and a weight changes by at most 0.6 over the scale: so much of what the corners differ by.
 const VELOCITY: f64 = 12.0 * ROUNDING / 0.004 * 0.6;
 
-/// The checks of every block of `subject`'s observation, in worlds under `config` without randomisation.
+/// The checks of every block of `subject`'s observation by `robot`, in worlds under `config` without randomisation.
 ///
 /// # Errors
 /// When robot, policy and configuration do not fit together.
-pub fn checks(subject: &Subject, config: &EnvConfig, workshop: &Workshop) -> miette::Result<Vec<Check>> {
+pub fn checks(
+    subject: &Subject,
+    robot: &Arc<Robot>,
+    config: &EnvConfig,
+    workshop: &Workshop,
+) -> miette::Result<Vec<Check>> {
     let mut config = config.clone();
     nominal(&mut config);
-    let mut batch = Batch::with_engines(subject.robot.clone(), &config, 1, 1, workshop)?;
+    let mut batch = Batch::with_engines(robot.clone(), &config, 1, 1, workshop)?;
     let commands = commands(subject);
     batch.set_desired_of(0, commands[0]);
     batch.reset();
@@ -47,7 +55,7 @@ pub fn checks(subject: &Subject, config: &EnvConfig, workshop: &Workshop) -> mie
     let head = json!({ "policy": file.len(), "phase": phase, "given": given });
     let rest: Vec<u8> = file.into_iter().chain(trajectory).collect();
     let mut worlds = workshop
-        .worlds(&subject.robot, config.physics_dt(), 1, Default::default())
+        .worlds(robot, config.physics_dt(), 1, Default::default())
         .map_err(|why| miette!("{why}"))?;
     let theirs: Vec<f64> = worlds
         .ask_with_head(b'o', &head, &rest)

@@ -28,9 +28,11 @@ pub fn page(result: &Value) -> String {
         if let Some(gate) = gates.get(name) {
             let _ = writeln!(out, "<h2>{title}: {}</h2>", mark(&gate["pass"]));
             checks(gate, &mut out);
+            left_out(gate, &mut out);
         }
     }
-    if let Some(gate) = gates.get("closed_loop") {
+    let gates = gates.as_object().into_iter().flatten();
+    for (_, gate) in gates.filter(|(name, _)| name.starts_with("closed_loop")) {
         closed_loop(gate, &mut out);
     }
     out + "</html>\n"
@@ -58,6 +60,23 @@ fn checks(gate: &Value, out: &mut String) {
         );
     }
     *out += "</table>\n";
+}
+
+/// Effects that a gate has nothing to say of.
+fn left_out(gate: &Value, out: &mut String) {
+    let names: Vec<&str> = gate["left_out"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    if !names.is_empty() {
+        let _ = writeln!(
+            out,
+            "<p>Left out, as actuators and encoders are the same code in every engine; the closed loop has them: {}</p>",
+            escaped(&names.join(", "))
+        );
+    }
 }
 
 fn scientific(value: &Value) -> String {

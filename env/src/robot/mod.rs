@@ -266,6 +266,13 @@ impl Robot {
         }
     }
 
+    /// The robot without the effects that its actuators run: what an engine itself moves.
+    pub fn rigid(&self) -> Self {
+        let mut robot = self.clone();
+        robot.effects.retain(|effect| !effect.kind.runs());
+        robot
+    }
+
     /// The joint behind degree of freedom `d`.
     pub fn dof(&self, d: usize) -> &Joint {
         &self.joints[self.dofs[d]]
