@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::available_parallelism;
 
-use miette::{IntoDiagnostic, miette};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
+use miette::IntoDiagnostic;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use omniwalk::command::{THREADS, load};
 use omniwalk_env::task::command::CommandRange;
 use omniwalk_env::task::episode::End;
@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{raise, refuse};
+use crate::given::{self, finite, shape, taken, wrong};
 use crate::view::view;
 
 /// Environments side by side, stepped by threads of their own.
@@ -85,44 +86,43 @@ impl Batch {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn check(&self, environment: usize) -> PyResult<usize> {
-        if environment < self.environments {
-            Ok(environment)
-        } else {
-            Err(refuse(format!(
-                "there is no environment {environment}; there are {}",
-                self.environments
-            )))
-        }
+    fn environment(&self, given: &Bound<'_, PyAny>) -> PyResult<usize> {
+        let environment = given.extract().ok().filter(|&it| it < self.environments);
+        environment.ok_or_else(|| {
+            let right = format_args!("a whole number from 0 to {}", self.environments - 1);
+            wrong("environment", right, given)
+        })
     }
 }
 
 #[pymethods]
 impl Batch {
     /// Environments under the configuration in the file `config`, laid over the defaults, with `changes` (`key=value`) over
-    /// that: `environments` of them or as many as it says, stepped by `threads` or by all cores.
+    /// that: `num_envs` of them or as many as it says, stepped by `threads` or by all cores.
     #[new]
-    #[pyo3(signature = (config=None, changes=Vec::new(), environments=None, threads=None))]
+    #[pyo3(signature = (config=None, changes=Vec::new(), num_envs=None, threads=None))]
     fn new(
         py: Python<'_>,
-        config: Option<PathBuf>,
+        config: Option<&Bound<'_, PyAny>>,
         changes: Vec<String>,
-        environments: Option<usize>,
-        threads: Option<usize>,
+        num_envs: Option<&Bound<'_, PyAny>>,
+        threads: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let config = config.map(|given| taken::<PathBuf>(given, "config", "the path of a TOML file or None"));
+        let config = config.transpose()?;
         let mut changes = changes;
-        changes.extend(environments.map(|count| format!("train.environments={count}")));
+        if let Some(given) = num_envs {
+            let right = "a whole number from 1 on, or None for as many as `train.environments` says";
+            let count: usize = taken(given, "num_envs", right)?;
+            changes.push(format!("train.environments={count}"));
+        }
+        let threads = match threads {
+            Some(given) => count_of_threads(given)?,
+            None => available_parallelism().map_or(1, usize::from),
+        };
         let made = py.detach(|| -> miette::Result<(ThreadPool, omniwalk_env::Batch)> {
             let (settings, _) = load::settings(config.as_deref(), &changes)?;
             let robot = load::robot(&settings.robot.path)?;
-            let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, usize::from));
-            if !i64::try_from(threads).is_ok_and(|threads| THREADS.contains(&threads)) {
-                return Err(miette!(
-                    "threads: {} to {}, or None for all cores; here {threads}",
-                    THREADS.start(),
-                    THREADS.end()
-                ));
-            }
             let pool = ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
@@ -150,7 +150,9 @@ impl Batch {
 
     /// Starts the next episode everywhere, or with a `seed` over with the first episodes of that seed.
     #[pyo3(signature = (seed=None))]
-    fn reset(&self, py: Python<'_>, seed: Option<u64>) {
+    fn reset(&self, py: Python<'_>, seed: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let seed = seed.map(|given| taken(given, "seed", "a whole number from 0 to 2^64 - 1, or None"));
+        let seed = seed.transpose()?;
         py.detach(|| {
             let inner = &mut *self.inner();
             self.pool.install(|| match seed {
@@ -158,18 +160,21 @@ impl Batch {
                 None => inner.batch.restart(),
             });
         });
+        Ok(())
     }
 
     /// One control step with `actions` in [-1, 1], a row for each environment, an entry for each joint; what is beyond is
     /// clipped. Episodes that end start anew at once.
-    fn step(&self, py: Python<'_>, actions: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
-        let (found, expected) = (actions.as_array().dim(), (self.environments, self.action_len));
-        if found != expected {
-            return Err(refuse(format!("actions have shape {found:?} instead of {expected:?}")));
-        }
-        let actions = actions
-            .as_slice()
-            .map_err(|_| refuse("actions must be an array without gaps, in C order"))?;
+    fn step(&self, py: Python<'_>, actions: &Bound<'_, PyAny>) -> PyResult<()> {
+        let expected = [self.environments, self.action_len];
+        let array = actions.extract::<PyReadonlyArray2<'_, f32>>().ok();
+        let array = array.filter(|array| array.shape() == expected);
+        let slice = array.as_ref().and_then(|array| array.as_array().to_slice());
+        let actions = slice.ok_or_else(|| {
+            let shape = shape(py, &expected);
+            let right = format_args!("an array of float32 with shape {shape}, in C order without gaps");
+            wrong("actions", right, actions)
+        })?;
         if let Some(at) = actions.iter().position(|action| !action.is_finite()) {
             let (environment, joint) = (at / self.action_len, &self.joints[at % self.action_len]);
             return Err(refuse(format!(
@@ -251,24 +256,22 @@ impl Batch {
     }
 
     /// The desired velocity of an environment, m/s, m/s, rad/s.
-    fn desired(&self, environment: usize) -> PyResult<[f64; 3]> {
-        let environment = self.check(environment)?;
+    fn desired(&self, environment: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {
+        let environment = self.environment(environment)?;
         Ok(self.inner().batch.look(environment).0.desired())
     }
 
     /// Sets the desired velocity of an environment (m/s, m/s, rad/s), from its next observation on and in later episodes.
-    fn set_desired(&self, environment: usize, velocity: [f64; 3]) -> PyResult<()> {
-        let environment = self.check(environment)?;
-        finite("the desired velocity", &velocity)?;
+    fn set_desired(&self, environment: &Bound<'_, PyAny>, velocity: &Bound<'_, PyAny>) -> PyResult<()> {
+        let (environment, velocity) = (self.environment(environment)?, given::velocity(velocity, "velocity")?);
         self.inner().batch.set_desired_of(environment, velocity);
         Ok(())
     }
 
     /// Sets where every environment draws desired velocities from, from its next draw on (m/s, m/s, rad/s). How many are
     /// zero and how many keep to an axis stays what the configuration says.
-    fn set_command_range(&self, lower: [f64; 3], upper: [f64; 3]) -> PyResult<()> {
-        finite("lower", &lower)?;
-        finite("upper", &upper)?;
+    fn set_command_range(&self, lower: &Bound<'_, PyAny>, upper: &Bound<'_, PyAny>) -> PyResult<()> {
+        let (lower, upper) = (given::velocity(lower, "lower")?, given::velocity(upper, "upper")?);
         if let Some(axis) = (0..3).find(|&axis| lower[axis] > upper[axis]) {
             return Err(refuse(format!(
                 "lower[{axis}] = {} is above upper[{axis}] = {}",
@@ -289,21 +292,31 @@ impl Batch {
 
     /// Sets the curriculum's factors on the velocity and the foot term of the reward, and on the largest force of pushes; all
     /// are 1 at first.
-    #[pyo3(signature = (velocity, foot, push = 1.0))]
-    fn set_factors(&self, velocity: f64, foot: f64, push: f64) -> PyResult<()> {
-        finite("a factor", &[velocity, foot, push])?;
-        if push < 0.0 {
-            return Err(refuse(format!("the factor on pushes must not be negative, not {push}")));
+    fn set_factors(
+        &self,
+        velocity: &Bound<'_, PyAny>,
+        foot: &Bound<'_, PyAny>,
+        push: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let factors = Factors {
+            velocity: finite(velocity, "velocity")?,
+            foot: finite(foot, "foot")?,
+            push: finite(push, "push")?,
+        };
+        if factors.push < 0.0 {
+            return Err(wrong("push", "a number from 0 on", push));
         }
-        self.inner().batch.set_factors(Factors { velocity, foot, push });
+        self.inner().batch.set_factors(factors);
         Ok(())
     }
 }
 
-fn finite(what: &str, values: &[f64]) -> PyResult<()> {
-    if values.iter().all(|value| value.is_finite()) {
-        Ok(())
-    } else {
-        Err(refuse(format!("{what} must be finite, not {values:?}")))
-    }
+fn count_of_threads(given: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let count = given.extract().ok().filter(|count| THREADS.contains(count));
+    let count = count.and_then(|count| usize::try_from(count).ok());
+    count.ok_or_else(|| {
+        let (least, most) = (THREADS.start(), THREADS.end());
+        let right = format_args!("a whole number from {least} to {most}, or None for all cores");
+        wrong("threads", right, given)
+    })
 }

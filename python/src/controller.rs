@@ -1,20 +1,20 @@
 //! The controller of a robot: the very code of training and of the C library.
 
-use std::borrow::Cow;
 use std::path::PathBuf;
 
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadwriteArrayDyn};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use omniwalk::command::load;
 use omniwalk::deployed::layers;
 use omniwalk::settings::Settings;
 use omniwalk_controller as rust;
 use omniwalk_controller::{JointSpec, Policy, Sensors, Spec};
 use omniwalk_env::task::shared::spec;
+use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use pyo3::{Borrowed, prelude::*};
 
-use crate::arrays::{self, Numbers, Row, Time};
+use crate::arrays::{self, Numbers};
 use crate::error::{raise, refuse};
+use crate::given::{finite, taken, wrong};
 use crate::robot::Robot;
 use crate::status::Status;
 
@@ -26,44 +26,32 @@ pub struct Controller {
     targets: Vec<f32>,
 }
 
-/// Readings or targets of the joints: in the policy's order, or by name.
-enum Joints<'py> {
-    Named(Bound<'py, PyDict>),
-    Ordered(Row<'py>),
-}
+/// What a time must be.
+const NANOSECONDS: &str = "a whole number of nanoseconds from 0 to 2^64 - 1";
 
-impl<'a, 'py> FromPyObject<'a, 'py> for Joints<'py> {
-    type Error = PyErr;
+/// What an order of joints must be.
+const NAMES: &str = "a list of the names of joints";
 
-    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
-        match object.cast::<PyDict>() {
-            Ok(values) => Ok(Self::Named(values.to_owned())),
-            Err(_) => object.extract().map(Self::Ordered),
-        }
+/// Readings of the joints, given in the policy's order or by name.
+fn readings(given: &Bound<'_, PyAny>, joints: &[JointSpec], argument: &str) -> PyResult<Vec<f32>> {
+    match given.cast::<PyDict>() {
+        Ok(values) => joints
+            .iter()
+            .map(|joint| reading(values, &joint.name, argument))
+            .collect(),
+        Err(_) => arrays::row(given, joints.len(), argument),
     }
 }
 
-impl Joints<'_> {
-    fn entries(&self, joints: &[JointSpec], what: &str) -> PyResult<Cow<'_, [f32]>> {
-        match self {
-            Self::Ordered(row) => arrays::entries(row, joints.len(), what),
-            Self::Named(values) => joints.iter().map(|joint| named(values, &joint.name, what)).collect(),
-        }
-    }
-}
-
-fn named(values: &Bound<'_, PyDict>, joint: &str, what: &str) -> PyResult<f32> {
+fn reading(values: &Bound<'_, PyDict>, joint: &str, argument: &str) -> PyResult<f32> {
     let value = values.get_item(joint)?.ok_or_else(|| {
         refuse(format!(
-            "{what} has no entry for joint `{joint}`, which the policy moves"
+            "{argument} has no entry for joint `{joint}`, which the policy moves"
         ))
     })?;
-    value.extract().map_err(|_| {
-        let found = value
-            .repr()
-            .map_or_else(|_| "something else".to_owned(), |it| it.to_string());
-        refuse(format!("{what} of joint `{joint}` must be a number, not {found}"))
-    })
+    value
+        .extract()
+        .map_err(|_| wrong(&format!("{argument} of joint `{joint}`"), "a number", &value))
 }
 
 impl Controller {
@@ -86,7 +74,8 @@ impl Controller {
         let policy = if let Ok(bytes) = policy.cast::<PyBytes>() {
             Policy::from_bytes(bytes.as_bytes()).map_err(refuse)?
         } else {
-            load::policy(&policy.extract::<PathBuf>()?).map_err(raise)?
+            let path: PathBuf = taken(policy, "policy", "the path of a policy file, or its bytes")?;
+            load::policy(&path).map_err(raise)?
         };
         let controller = if portable {
             rust::Controller::portable(&policy)
@@ -207,12 +196,14 @@ impl Controller {
     }
 
     /// Checks that `names`, the order in which you give readings and take targets, is the policy's.
-    fn check_joints(&self, names: Vec<String>) -> PyResult<()> {
+    fn check_joints(&self, names: &Bound<'_, PyAny>) -> PyResult<()> {
+        let names: Vec<String> = taken(names, "names", NAMES)?;
         self.spec().check_order(&names).map_err(refuse)
     }
 
     /// Index among `names`, your robot's joints, of each of the policy's joints.
-    fn joint_map<'py>(&self, py: Python<'py>, names: Vec<String>) -> PyResult<Bound<'py, PyArray1<i64>>> {
+    fn joint_map<'py>(&self, py: Python<'py>, names: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let names: Vec<String> = taken(names, "names", NAMES)?;
         let map = self.spec().joint_map(&names).map_err(refuse)?;
         Ok(arrays::new(py, map.into_iter().map(|index| index as i64)))
     }
@@ -228,11 +219,11 @@ impl Controller {
     /// Starts an episode with the clock at `phase`, in cycles, or where the policy begins; a fall is forgotten. The robot should
     /// stand in the nominal pose.
     #[pyo3(signature = (phase=None))]
-    fn reset(&mut self, phase: Option<f32>) -> PyResult<()> {
-        let phase = phase.unwrap_or_else(|| self.controller.reset_phase());
-        if !phase.is_finite() {
-            return Err(refuse(format!("the phase of the clock must be finite, not {phase}")));
-        }
+    fn reset(&mut self, phase: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let phase = match phase {
+            Some(given) => finite(given, "phase")?,
+            None => self.controller.reset_phase(),
+        };
         self.controller.reset(phase);
         Ok(())
     }
@@ -241,8 +232,8 @@ impl Controller {
     ///
     /// Raises Error if a position is not finite or well beyond its joint's limits. Then send no targets to servos that are on:
     /// steps hold what was told last, with the fault, until one of them has good readings, from which the takeover begins.
-    fn take_over(&mut self, position: Joints<'_>) -> PyResult<()> {
-        let position = position.entries(&self.policy.spec().joints, "position")?;
+    fn take_over(&mut self, position: &Bound<'_, PyAny>) -> PyResult<()> {
+        let position = readings(position, &self.policy.spec().joints, "position")?;
         let taken = self.controller.take_over(&position);
         taken.map_err(|fault| refuse(fault.sentence(self.policy.spec())))
     }
@@ -257,39 +248,40 @@ impl Controller {
     fn step<'py>(
         &mut self,
         py: Python<'py>,
-        now: Time,
-        measured: Time,
-        position: Joints<'py>,
-        velocity: Joints<'py>,
-        attitude: Row<'py>,
-        gyro: Row<'py>,
-        desired: Row<'py>,
-        base_velocity: Option<Row<'py>>,
-        out: Option<PyReadwriteArrayDyn<'py, f32>>,
+        now: &Bound<'py, PyAny>,
+        measured: &Bound<'py, PyAny>,
+        position: &Bound<'py, PyAny>,
+        velocity: &Bound<'py, PyAny>,
+        attitude: &Bound<'py, PyAny>,
+        gyro: &Bound<'py, PyAny>,
+        desired: &Bound<'py, PyAny>,
+        base_velocity: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Status)> {
         let joints = &self.policy.spec().joints;
-        arrays::check_out(out.as_ref(), &[joints.len()])?;
-        let (by_name, positions) = (
-            matches!(position, Joints::Named(_)),
-            position.entries(joints, "position")?,
+        let (now, measured) = (
+            taken(now, "now", NANOSECONDS)?,
+            taken(measured, "measured", NANOSECONDS)?,
         );
-        let velocities = velocity.entries(joints, "velocity")?;
+        let positions = readings(position, joints, "position")?;
+        let velocities = readings(velocity, joints, "velocity")?;
         let sensors = Sensors {
             position: &positions,
             velocity: &velocities,
-            attitude: arrays::fixed(&attitude, "attitude")?,
-            gyro: arrays::fixed(&gyro, "gyro")?,
+            attitude: arrays::fixed(attitude, "attitude")?,
+            gyro: arrays::fixed(gyro, "gyro")?,
             base_velocity: base_velocity
-                .map(|row| arrays::fixed(&row, "base_velocity"))
+                .map(|given| arrays::fixed(given, "base_velocity"))
                 .transpose()?,
         };
-        let desired = arrays::fixed(&desired, "desired")?;
+        let desired = arrays::fixed(desired, "desired")?;
+        let out = out.map(|given| arrays::out(given, &[joints.len()])).transpose()?;
         let Self {
             controller, targets, ..
         } = self;
-        let status = py.detach(|| controller.step(now.0, measured.0, &sensors, desired, targets));
+        let status = py.detach(|| controller.step(now, measured, &sensors, desired, targets));
         let targets = match out {
-            _ if by_name => {
+            _ if position.is_instance_of::<PyDict>() => {
                 let names = joints.iter().map(|joint| joint.name.as_str());
                 let found = PyDict::new(py);
                 for (name, target) in names.zip(&self.targets) {
@@ -311,24 +303,28 @@ impl Controller {
     fn act<'py>(
         &mut self,
         py: Python<'py>,
-        observations: Numbers<'py>,
-        out: Option<PyReadwriteArrayDyn<'py, f32>>,
+        observations: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let (width, joints) = (self.spec().observation_len(), self.spec().action_len());
-        let mut shape = observations.as_array().shape().to_vec();
+        let refusal = || {
+            wrong(
+                "observations",
+                format_args!("{width} numbers, or rows of {width} numbers"),
+                observations,
+            )
+        };
+        let numbers: Numbers<'py> = observations.extract().map_err(|_| refusal())?;
+        let mut shape = numbers.shape().to_vec();
         match shape.last_mut() {
             Some(last) if *last == width => *last = joints,
-            _ => {
-                return Err(refuse(format!(
-                    "observations have shape {shape:?}; the last number must be {width}"
-                )));
-            }
+            _ => return Err(refusal()),
         }
-        arrays::check_out(out.as_ref(), &shape)?;
-        let given = observations
-            .as_slice()
-            .map_or_else(|_| observations.as_array().iter().copied().collect(), Cow::Borrowed);
-        let mut out = out.unwrap_or_else(|| PyArrayDyn::zeros(py, shape, false).readwrite());
+        let given = arrays::in_order(&numbers);
+        let mut out = match out {
+            Some(given) => arrays::out(given, &shape)?,
+            None => PyArrayDyn::zeros(py, shape, false).readwrite(),
+        };
         let found = out.as_slice_mut().map_err(refuse)?;
         let controller = &mut self.controller;
         py.detach(|| {

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 
 use crate::arrays;
 use crate::error::raise;
+use crate::given::taken;
 
 /// A robot, loaded and checked.
 #[pyclass(module = "omniwalk", frozen)]
@@ -35,7 +36,8 @@ impl Robot {
 impl Robot {
     /// The robot in the folder or URDF at `path`.
     #[new]
-    fn new(path: PathBuf) -> PyResult<Self> {
+    fn new(path: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let path: PathBuf = taken(path, "path", "the path of a folder or a URDF")?;
         let robot = load::robot(&path).map_err(raise)?;
         Ok(Self { robot })
     }

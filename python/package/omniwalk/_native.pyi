@@ -1,6 +1,6 @@
 """The compiled half of the package."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Literal, TypedDict, final, overload
 
@@ -14,6 +14,9 @@ class Error(ValueError):
 
 def crosscheck(arguments: list[str]) -> int:
     """Runs `omniwalk crosscheck` with `arguments`; its exit code."""
+
+def wrong(argument: str, right: str, given: object) -> Error:
+    """The error that says what `argument` must be, and what was given instead."""
 
 class GoldenStep(TypedDict):
     """Readings of a golden step, and what must come out."""
@@ -143,7 +146,7 @@ class Controller:
     def reset(self, phase: float | None = None) -> None:
         """Starts an episode with the clock at `phase`, in cycles, or where the policy begins; a fall is forgotten. The
         robot should stand in the nominal pose."""
-    def take_over(self, position: ArrayLike | Mapping[str, float]) -> None:
+    def take_over(self, position: ArrayLike | dict[str, float]) -> None:
         """Starts with a robot in whatever pose: ramps to the nominal pose, rests, then walks.
 
         Raises Error if a position is not finite or well beyond its joint's limits. Then send no targets to servos that are
@@ -244,11 +247,11 @@ class Batch:
         cls,
         config: str | PathLike[str] | None = None,
         changes: Sequence[str] = (),
-        environments: int | None = None,
+        num_envs: int | None = None,
         threads: int | None = None,
     ) -> Batch:
         """Environments under the configuration in the file `config`, laid over the defaults, with `changes` (`key=value`)
-        over that: `environments` of them or as many as it says, stepped by `threads` or by all cores."""
+        over that: `num_envs` of them or as many as it says, stepped by `threads` or by all cores."""
     @property
     def environments(self) -> int:
         """Number of environments."""
@@ -304,5 +307,5 @@ class Batch:
         """Sets the desired velocity of an environment (m/s, m/s, rad/s), from its next observation on and in later episodes."""
     def set_command_range(self, lower: Sequence[float], upper: Sequence[float]) -> None:
         """Sets where every environment draws desired velocities from, from its next draw on (m/s, m/s, rad/s)."""
-    def set_factors(self, velocity: float, foot: float, push: float = 1.0) -> None:
+    def set_factors(self, velocity: float, foot: float, push: float) -> None:
         """Sets the curriculum's factors on the velocity and the foot term of the reward, and on the largest force of pushes; all are 1 at first."""

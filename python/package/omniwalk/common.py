@@ -1,6 +1,7 @@
 """What the environments have in common: how they are configured, their spaces, their random seeds."""
 
 import json
+import operator
 from collections.abc import Mapping
 from os import PathLike
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from omniwalk._native import Batch
+from omniwalk._native import Batch, wrong
 
 Config = str | PathLike[str] | None
 """A TOML file that is laid over the defaults, or none."""
@@ -17,10 +18,12 @@ Changes = Mapping[str, Any] | None
 """Single settings by their dotted key, such as {"engine.kind": "rapier", "robot.path": "my_robot"}, laid over that."""
 
 
-def batch(config: Config, changes: Changes, environments: int | None, threads: int | None) -> Batch:
-    """Environments as arrays."""
-    words = [f"{key}={toml(value)}" for key, value in (changes or {}).items()]
-    return Batch(config, words, environments, threads)
+def batch(config: Config, changes: Changes, num_envs: int | None, threads: int | None, under: Changes = None) -> Batch:
+    """Environments as arrays; the changes `under` lie under `changes`."""
+    if not isinstance(changes, Mapping | None):
+        raise wrong("changes", "a mapping of settings by their dotted key, or None", changes)
+    words = [f"{key}={toml(value)}" for key, value in {**(under or {}), **(changes or {})}.items()]
+    return Batch(config, words, num_envs, threads)
 
 
 def toml(value: Any) -> str:
@@ -42,14 +45,33 @@ def action_space(given: Batch) -> spaces.Box:
     return spaces.Box(-1.0, 1.0, (given.action_len,), np.float32)
 
 
+def checked(seed: Any) -> int | None:
+    """A seed as Gymnasium and Stable-Baselines3 take it."""
+    if seed is None:
+        return None
+    try:
+        whole = operator.index(seed)
+    except TypeError:
+        whole = -1
+    if whole < 0:
+        raise wrong("seed", "a whole number from 0 on, or None", seed)
+    return whole
+
+
 def seed_of(given: int | None, generator: np.random.Generator) -> int:
     """The seed of a batch: the given one, or one from the generator."""
     return int(generator.integers(1 << 63)) if given is None else given % (1 << 64)
 
 
-def actions_of(actions: Any) -> np.ndarray:
+def actions_of(given: Any, shape: tuple[int, ...], argument: str) -> np.ndarray:
     """Actions as the batch reads them; nothing is copied if they already are such an array."""
-    return np.ascontiguousarray(actions, np.float32)
+    try:
+        actions = np.asarray(given, np.float32, order="C")
+    except (TypeError, ValueError):
+        actions = None
+    if actions is None or actions.shape != shape:
+        raise wrong(argument, f"numbers with shape {shape}", actions if actions is not None and actions.shape else given)
+    return actions
 
 
 def episodes(given: Batch) -> dict[int, dict]:

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 
 from omniwalk import common
+from omniwalk._native import wrong
 
 
 class Env(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -22,10 +23,10 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def __init__(self, config: common.Config = None, changes: common.Changes = None, render_mode: None = None) -> None:
         if render_mode is not None:
-            raise ValueError("omniwalk draws no pictures while it steps; `omniwalk report` does afterwards")
+            right = "None (omniwalk draws no pictures while it steps; `omniwalk report` does afterwards)"
+            raise wrong("render_mode", right, render_mode)
         # A single environment has nobody to be out of step with.
-        changes = {"task.random_first_length": False, **(changes or {})}
-        self._batch = common.batch(config, changes, 1, 1)
+        self._batch = common.batch(config, changes, 1, 1, under={"task.random_first_length": False})
         self.observation_space = common.observation_space(self._batch)
         self.action_space = common.action_space(self._batch)
         self.observation_names: list[str] = self._batch.observation_names
@@ -40,6 +41,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Starts an episode; with a `seed`, the first one of that seed."""
+        seed = common.checked(seed)
         super().reset(seed=seed)
         first = seed is not None or not self._seeded
         self._batch.reset(common.seed_of(seed, self.np_random) if first else None)
@@ -48,7 +50,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One control step."""
-        self._batch.step(common.actions_of(action)[None])
+        self._batch.step(common.actions_of(action, self.action_space.shape, "action")[None])
         terminated, truncated = bool(self._terminated[0]), bool(self._truncated[0])
         info: dict[str, Any] = dict(zip(self._batch.term_names, self._terms[0].tolist()))
         row = self._observations[0]

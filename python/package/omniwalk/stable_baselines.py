@@ -44,6 +44,10 @@ class VecEnv(base.VecEnv):
         self.num_envs = self._batch.environments
         super().__init__(self.num_envs, common.observation_space(self._batch), common.action_space(self._batch))
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Notes the seed of the next reset."""
+        return super().seed(common.checked(seed))
+
     def reset(self) -> np.ndarray:
         """Starts an episode everywhere; after `seed`, the first ones of that seed."""
         seed = self._seeds[0]
@@ -57,7 +61,7 @@ class VecEnv(base.VecEnv):
 
     def step_async(self, actions: np.ndarray) -> None:
         """Notes the actions of the next step."""
-        self._actions = common.actions_of(actions)
+        self._actions = common.actions_of(actions, (self.num_envs, *self.action_space.shape), "actions")
 
     def step_wait(self) -> base.VecEnvStepReturn:
         """One control step of every robot."""

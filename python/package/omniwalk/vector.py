@@ -46,6 +46,7 @@ class VectorEnv(vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Starts an episode everywhere; with a `seed`, the first ones of that seed."""
+        seed = common.checked(seed)
         super().reset(seed=seed)
         first = seed is not None or not self._seeded
         self._batch.reset(common.seed_of(seed, self.np_random) if first else None)
@@ -54,7 +55,7 @@ class VectorEnv(vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One control step of every robot."""
-        self._batch.step(common.actions_of(actions))
+        self._batch.step(common.actions_of(actions, self.action_space.shape, "actions"))
         infos: dict[str, Any] = {}
         if self._terminated.any() or self._truncated.any():
             infos = self._endings()
