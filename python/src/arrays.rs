@@ -1,9 +1,10 @@
 //! NumPy arrays, and what can become one.
 
 use std::borrow::Cow;
+use std::ops::Deref;
 
 use numpy::{
-    AllowTypeChange, BorrowError, PyArray1, PyArrayDyn, PyArrayLike1, PyArrayLikeDyn, PyArrayMethods,
+    AllowTypeChange, BorrowError, PyArray1, PyArrayDyn, PyArrayLike1, PyArrayLikeDyn, PyArrayMethods, PyReadonlyArray1,
     PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
@@ -14,11 +15,33 @@ use crate::given::{found, shape, wrong};
 /// Numbers in any number of dimensions.
 pub type Numbers<'py> = PyArrayLikeDyn<'py, f32, AllowTypeChange>;
 
+/// Numbers in a row: where they lie in an array, or taken out of something else.
+pub enum Row<'py> {
+    Array(PyReadonlyArray1<'py, f32>),
+    Own(Vec<f32>),
+}
+
+impl Deref for Row<'_> {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        match self {
+            // `row` keeps only arrays without gaps.
+            Self::Array(array) => array.as_slice().unwrap_or_default(),
+            Self::Own(numbers) => numbers,
+        }
+    }
+}
+
 /// The `len` numbers in a row that are `given`: an array of one dimension, a list or a tuple.
-pub fn row(given: &Bound<'_, PyAny>, len: usize, argument: &str) -> PyResult<Vec<f32>> {
+pub fn row<'py>(given: &Bound<'py, PyAny>, len: usize, argument: &str) -> PyResult<Row<'py>> {
+    let array = given.extract::<PyReadonlyArray1<'py, f32>>().ok();
+    if let Some(array) = array.filter(|array| array.len() == len && array.is_c_contiguous()) {
+        return Ok(Row::Array(array));
+    }
     let numbers = given.extract::<PyArrayLike1<'_, f32, AllowTypeChange>>().ok();
     match numbers.filter(|numbers| numbers.len() == len) {
-        Some(numbers) => Ok(numbers.as_array().to_vec()),
+        Some(numbers) => Ok(Row::Own(numbers.as_array().to_vec())),
         None => {
             let right = format_args!("{len} numbers, an array of one dimension or a list");
             Err(wrong(argument, right, given))

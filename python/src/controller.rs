@@ -12,7 +12,7 @@ use omniwalk_env::task::shared::spec;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::arrays::{self, Numbers};
+use crate::arrays::{self, Numbers, Row};
 use crate::error::{raise, refuse};
 use crate::given::{finite, taken, wrong};
 use crate::robot::Robot;
@@ -33,12 +33,12 @@ const NANOSECONDS: &str = "a whole number of nanoseconds from 0 to 2^64 - 1";
 const NAMES: &str = "a list of the names of joints";
 
 /// Readings of the joints, given in the policy's order or by name.
-fn readings(given: &Bound<'_, PyAny>, joints: &[JointSpec], argument: &str) -> PyResult<Vec<f32>> {
+fn readings<'py>(given: &Bound<'py, PyAny>, joints: &[JointSpec], argument: &str) -> PyResult<Row<'py>> {
     match given.cast::<PyDict>() {
-        Ok(values) => joints
-            .iter()
-            .map(|joint| reading(values, &joint.name, argument))
-            .collect(),
+        Ok(values) => {
+            let each = joints.iter().map(|joint| reading(values, &joint.name, argument));
+            each.collect::<PyResult<_>>().map(Row::Own)
+        }
         Err(_) => arrays::row(given, joints.len(), argument),
     }
 }
