@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,9 +94,10 @@ class Robot:
         return Pose(translation=np.array([0.0, 0.0, -min(heights, default=0.0)]))
 
 
-def load(path: Path) -> Robot:
+def load(path: Path, soles: Sequence[dict] = ()) -> Robot:
     """Reads a robot folder, or a URDF with perhaps a TOML of its name beside it. Raises `ValueError` on what it
-    cannot understand: the Rust loader is the one that explains errors, and that guesses soles where none are given.
+    cannot understand: the Rust loader is the one that explains errors, and that guesses soles where none are given, which it hands
+    over as `soles`.
     """
     description, settings = _read(path)
     values = {joint.name: _joint_values(settings, joint.name) for joint in description.joints}
@@ -108,7 +110,7 @@ def load(path: Path) -> Robot:
     merged = tree.build(description, root, tree.held_positions(description, locked))
     beyond = [effect for entry in settings.get("effect", []) for effect in _effect(merged, entry)]
     joints = [_joint_model(joint, values[joint.name]) for joint in merged.joints]
-    feet = [_foot(merged, entry) for entry in settings.get("foot", [])]
+    feet = [_foot(merged, entry) for entry in settings.get("foot", [])] or [_sole(merged, sole) for sole in soles]
     base = settings.get("base", given_base or ("floating" if feet else "fixed"))
     return Robot(
         name=description.name,
@@ -210,6 +212,13 @@ def _foot(merged: Tree, entry: dict) -> Foot:
     sole = link @ from_rpy(entry.get("sole", [0.0, 0.0, 0.0]), entry.get("rpy", [0.0, 0.0, 0.0]))
     length, width = entry["size"]
     return Foot(entry.get("name", entry["link"]), body, sole, (length / 2, width / 2))
+
+
+def _sole(merged: Tree, sole: dict) -> Foot:
+    """A sole with its pose in the frame of its body."""
+    body, link = merged.body_of(sole["link"])
+    pose = link @ Pose(np.array(sole["rotation"], float), np.array(sole["translation"], float))
+    return Foot(sole["name"], body, pose, tuple(sole["half_extents"]))
 
 
 def _contact(merged: Tree, entry: dict) -> list[tuple[int, np.ndarray]]:

@@ -32,9 +32,9 @@ class Server:
 
     def model(self, payload: bytes) -> bytes:
         """Worlds of a robot: its path, the rate of the physics, how many, where its base is bolted (`stand`, m, or null), `without`
-        what (`couplings`, `limits`, `legs` that collide), and the order of everything by name."""
+        what (`couplings`, `limits`, `legs` that collide), the `soles`, and the order of everything by name."""
         head, _ = _head(payload)
-        loaded = robot.load(Path(head["robot"]))
+        loaded = robot.load(Path(head["robot"]), head["soles"])
         if head["stand"]:
             loaded.floating, loaded.fixed_pose = False, robot.Pose(translation=np.array(head["stand"], float))
         self.links, self.joints = head["links"], head["joints"]
@@ -42,7 +42,8 @@ class Server:
             for joint in loaded.tree.joints:
                 joint.mimic = None
         legs = "legs" not in head["without"]
-        self.worlds = Worlds(loaded, head["physics_hz"], head["worlds"], head["dofs"], head["feet"], legs=legs)
+        feet = [sole["link"] for sole in head["soles"]]
+        self.worlds = Worlds(loaded, head["physics_hz"], head["worlds"], head["dofs"], feet, legs=legs)
         if "limits" in head["without"]:
             for world in self.worlds.worlds:
                 world.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT

@@ -80,6 +80,19 @@ def test_a_robot_with_effects_is_the_same_in_mujoco(tmp_path: Path, effect: str)
         assert gates[gate]["mujoco"]["survived"] == gates[gate]["mujoco"]["sequences"], result.stdout
 
 
+def test_a_robot_is_checked_on_the_soles_that_were_guessed(tmp_path: Path) -> None:
+    robot, run = tmp_path / "robot", tmp_path / "run"
+    shutil.copytree(ROOT / "robots/nimbro_op2x", robot)
+    toml = robot / "robot.toml"
+    toml.write_text(re.sub(r"\[\[foot\]\]\n(?:\w.*\n)*", "", toml.read_text()))
+    small = ["--set", "train.environments=4", "--set", "train.steps_per_update=20", "--set", "ppo.hidden=[16]"]
+    train = ["train", "--run", run, "--steps", "160", "--quiet", "--set", f"robot.path={str(robot)!r}", *small]
+    subprocess.run([*program("omniwalk"), *map(str, train)], cwd=ROOT, check=True)
+    result = call("crosscheck", run, "--gate", "physics", "--out", tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "dropped from 2 cm" in result.stdout
+
+
 def test_the_printed_model_has_real_stiffness_and_names_what_it_lacks(tmp_path: Path) -> None:
     robot = tmp_path / "robot"
     shutil.copytree(ROOT / "robots/nimbro_op2x", robot)

@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, IsometryMatrix3, Quaternion, UnitQuaternion, Vector3};
 use omniwalk_env::EnvConfig;
 use omniwalk_env::engine::{BaseState, Drive, Engine, EngineError, JointState, Maker, Start, World};
 use omniwalk_env::ground::Ground;
-use omniwalk_env::robot::{Base, Inertial, Kinematics, Robot};
+use omniwalk_env::robot::{Base, Foot, Inertial, Kinematics, Robot};
 use serde_json::{Value, json};
 
 use super::process::{Process, numbers};
@@ -172,7 +172,7 @@ impl Mujoco {
             "stand": special.stand,
             "without": special.without,
             "dofs": (0..robot.dofs.len()).map(|d| &robot.dof(d).name).collect::<Vec<_>>(),
-            "feet": robot.feet.iter().map(|foot| &robot.links[foot.link].name).collect::<Vec<_>>(),
+            "soles": robot.feet.iter().map(|foot| sole(robot, foot)).collect::<Vec<_>>(),
             "links": robot.links.iter().map(|link| &link.name).collect::<Vec<_>>(),
             "joints": robot.joints.iter().map(|joint| &joint.name).collect::<Vec<_>>(),
         });
@@ -277,6 +277,18 @@ impl Mujoco {
     fn put(&mut self, numbers: impl IntoIterator<Item = f64>) {
         self.request.extend(numbers.into_iter().flat_map(f64::to_le_bytes));
     }
+}
+
+/// A sole for Python, which guesses none where the robot's files give none.
+fn sole(robot: &Robot, foot: &Foot) -> Value {
+    let turn = foot.sole.rotation.to_rotation_matrix();
+    json!({
+        "name": foot.name,
+        "link": robot.links[foot.link].name,
+        "translation": foot.sole.translation.vector.as_slice(),
+        "rotation": turn.matrix().row_iter().map(|row| row.iter().copied().collect()).collect::<Vec<Vec<f64>>>(),
+        "half_extents": foot.half_extents,
+    })
 }
 
 fn at_rest(robot: &Robot) -> BaseState {

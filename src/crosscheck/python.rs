@@ -36,6 +36,9 @@ const SOURCES: [(&str, &str); 11] = [
     ("worlds.py", include_str!("../../python/omniwalk_reference/worlds.py")),
 ];
 
+/// Ends a Python that is too old, which may not know the options of newer ones.
+const OLDEST: &str = "import sys\nif sys.version_info < (3, 11): sys.exit('Python 3.11 or newer is needed, this is ' + sys.version.split()[0])\n";
+
 /// What begins an environment of this program, and what completes it.
 const BEGUN: &str = "omniwalk-begun";
 const COMPLETE: &str = "omniwalk-complete";
@@ -75,7 +78,8 @@ impl Python {
 
     /// Makes `command`, an interpreter, the server of this program's requests.
     pub fn server<'a>(&self, command: &'a mut Command) -> &'a mut Command {
-        let start = "import sys; sys.path.insert(0, sys.argv[1]); from omniwalk_reference import server; server.main()";
+        // MuJoCo writes its warnings to a file in the working folder, which goes with the sources.
+        let start = "import os, sys; sys.path.insert(0, sys.argv[1]); os.chdir(sys.argv[1]); from omniwalk_reference import server; server.main()";
         // A thread for each process: linear algebra in several would only get in the way.
         command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
         command.args(["-B", "-P", "-c", start]).arg(&self.sources)
@@ -108,8 +112,10 @@ fn write_sources() -> miette::Result<PathBuf> {
 
 /// MuJoCo's version in the interpreter at `program`.
 fn version(program: &Path) -> miette::Result<String> {
-    let script = "import sys\nif sys.version_info < (3, 11): sys.exit('Python 3.11 or newer is needed, this is ' + sys.version.split()[0])\nimport numpy, mujoco\nif int(mujoco.__version__.split('.')[0]) < 3: sys.exit('MuJoCo 3 or newer is needed, this is ' + mujoco.__version__)\nprint(mujoco.__version__)";
-    let output = Command::new(program).args(["-B", "-P", "-c", script]).output().map_err(|error| {
+    let script = format!(
+        "{OLDEST}sys.path = [path for path in sys.path if path]\nimport numpy, mujoco\nif int(mujoco.__version__.split('.')[0]) < 3: sys.exit('MuJoCo 3 or newer is needed, this is ' + mujoco.__version__)\nprint(mujoco.__version__)"
+    );
+    let output = Command::new(program).args(["-B", "-c", &script]).output().map_err(|error| {
         miette!(
             help = "give the interpreter of an environment with MuJoCo, such as --python venv/bin/python, or leave --python out: omniwalk then makes an environment of its own",
             "cannot start Python at {}: {error}",
@@ -206,6 +212,7 @@ fn make(folder: &Path, interpreter: &Path) -> miette::Result<()> {
     fs::write(&lock, LOCK).into_diagnostic().wrap_err_with(cannot)?;
     let python = if cfg!(windows) { "python" } else { "python3" };
     let what = "Python 3.11 or newer with its module venv (on Debian and Ubuntu: apt install python3-venv)";
+    step(Command::new(python).args(["-c", OLDEST]), what)?;
     step(
         Command::new(python)
             .args(["-m", "venv", "--clear"])
