@@ -113,6 +113,22 @@ fn the_thesis_configuration_holds_every_value_the_thesis_states() {
     assert_eq!(settings.train.steps, 7400 * 9600);
 }
 
+#[test]
+fn an_engine_is_chosen_by_a_word_and_a_key_by_its_last_part() {
+    let defaults = || Layers::new(DEFAULT).expect("the defaults");
+    let effective = |layers: Layers| layers.build::<Settings>().expect("a configuration").1;
+    let rapier = effective(defaults().set("engine.kind=rapier").expect("a change"));
+    assert_ne!(rapier, effective(defaults()));
+    assert_eq!(
+        rapier,
+        effective(defaults().text("a.toml", "engine = \"rapier\"").expect("a file"))
+    );
+    assert_eq!(rapier, effective(defaults().set("engine=rapier").expect("a change")));
+    let forced = effective(defaults().set("engine.simd=f32x8").expect("a change"));
+    assert_ne!(forced, effective(defaults()));
+    assert_eq!(forced, effective(defaults().set("simd=f32x8").expect("a change")));
+}
+
 /// Section 7.5: "The action space is then 16-dimensional", "The state space is then composed of 49 dimensions".
 #[test]
 fn the_thesis_configuration_gives_49_observations_and_16_actions() {

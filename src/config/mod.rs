@@ -137,7 +137,7 @@ impl Layers {
     }
 
     /// Lays the single change `key.sub=value` over what is there. The value is TOML; what is not TOML is a string,
-    /// so that words need no quotes on the command line.
+    /// so that words need no quotes on the command line. The last part of a key is enough where only one key ends in it.
     ///
     /// # Errors
     /// When `argument` has no `=`, its key is not a dotted key, or its value is broken TOML.
@@ -156,8 +156,24 @@ impl Layers {
                 .with_help("for example `--set ppo.epochs=5` or `--set train.name=first`"),
         })?;
         self.sources.push(source);
+        let node = self.in_its_table(node);
         self.merged.overlay(node);
         Ok(self)
+    }
+
+    /// A change of a key that stands in one table alone, as a change in that table.
+    fn in_its_table(&self, change: Node) -> Node {
+        let Item::Table(entries) = &change.item else {
+            return change;
+        };
+        let [(key, _)] = &entries[..] else { return change };
+        let paths = self.defaults.paths_to(key);
+        let [path] = &paths[..] else { return change };
+        let wrap = |node: Node, table: &str| Node {
+            origin: node.origin.clone(),
+            item: Item::Table(vec![(table.to_owned(), node)]),
+        };
+        path.split('.').rev().skip(1).fold(change, wrap)
     }
 
     /// The configuration as `T`, and the whole of it as TOML: loading that text again gives the same value.

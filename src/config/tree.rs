@@ -61,8 +61,9 @@ impl Node {
 
     /// Lays `over` over this value: tables merge key by key, everything else is replaced.
     ///
-    /// A table whose `type` differs is replaced as a whole: the keys of one variant mean nothing to another. What somebody wrote in the place of
-    /// a table stays, so that it is refused there.
+    /// A table whose `type` differs is replaced as a whole: the keys of one variant mean nothing to another. A word in the place of a
+    /// table that has a `kind` is that kind: `engine = "lanes"`. What else somebody wrote in the place of a table stays, so that it is
+    /// refused there.
     pub fn overlay(&mut self, over: Node) {
         match (&mut self.item, over.item) {
             (Item::Table(entries), Item::Table(changes)) if same_variant(entries, &changes) => {
@@ -73,6 +74,11 @@ impl Node {
                     }
                 }
                 self.origin = over.origin;
+            }
+            (Item::Table(entries), Item::String(word)) if entries.iter().any(is_kind) => {
+                if let Some((_, entry)) = entries.iter_mut().find(|entry| is_kind(entry)) {
+                    (entry.item, entry.origin) = (Item::String(word), over.origin);
+                }
             }
             (item, Item::Table(_)) if self.origin.layer > 0 && !matches!(item, Item::Table(_)) => {}
             (item, change) => {
@@ -148,6 +154,11 @@ impl Node {
             ),
         }
     }
+}
+
+/// Whether an entry of a table is the word that says of what kind the table is.
+fn is_kind((key, node): &(String, Node)) -> bool {
+    key == "kind" && matches!(node.item, Item::String(_))
 }
 
 fn same_variant(entries: &[(String, Node)], changes: &[(String, Node)]) -> bool {

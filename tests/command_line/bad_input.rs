@@ -116,6 +116,7 @@ config_refused! {
     text_that_is_not_utf_8: b"robot.path = \"\xff\"\n", ["cannot read bad.toml", "not UTF-8"];
     a_file_that_is_too_large: vec![b'#'; 1 << 21], ["cannot read bad.toml", "larger than 1 MiB"];
     an_unknown_engine: "[engine]\nkind = \"mujoco\"\n", ["cannot be `mujoco`", "bad.toml:2:8", "rapier, lanes"];
+    an_unknown_engine_in_a_word: "engine = \"mujoco\"\n", ["`engine.kind` cannot be `mujoco`", "bad.toml:1:10", "rapier, lanes"];
     an_unknown_block: "[observation]\nblocks = [\"gyroscope\"]\n", ["bad.toml:2:11", "the choices are joint_position"];
     a_key_of_another_schedule: "[ppo.schedule]\ntype = \"fixed\"\nkl_target = 0.02\n", ["unknown key `ppo.schedule.kl_target`", "bad.toml:3:1", "there is `ppo.schedule.kl_target` only with `ppo.schedule.type = \"adaptive\"`"];
     a_section_written_as_a_list: "[[ppo]]\nepochs = 3\n", ["`ppo` has the wrong type", "bad.toml:1:", "write `[ppo]` once, not `[[ppo]]`"];
@@ -129,9 +130,10 @@ config_refused! {
 set_refused! {
     a_change_of_an_unknown_key: "reward.clearence=0.1", ["unknown key", "--set:1:8", "did you mean `reward.clearance`?"];
     a_change_of_the_wrong_type: "reward.clearance=high", ["`reward.clearance` has the wrong type", "--set:1:18"];
+    a_change_of_a_key_that_two_tables_have: "seed=3", ["unknown key `seed`", "--set:1:1"];
     a_change_out_of_range: "latency.upper=3", ["`latency.upper` must be latency.lower to 1 s", "--set:1:15"];
     a_change_without_value: "train.seed", ["`--set` takes key=value"];
-    a_physics_rate_that_is_no_multiple_of_the_control_rate: "engine.physics_hz=210", ["`engine.physics_hz` must be a multiple of engine.control_hz = 40"];
+    a_physics_rate_that_is_no_multiple_of_the_control_rate: "engine.physics_hz=210", ["`engine.physics_hz` must be a multiple of engine.control_hz = 40", "such as 200"];
     a_clocked_swing_without_clock: "clock.enabled=false", ["`reward.clock_swing` must be false, or clock.enabled = true"];
     more_samples_than_fit_into_memory: "train.steps_per_update=1000000", ["`train.steps_per_update` must be"];
     more_environments_than_fit_into_memory: "train.environments=1000000", ["`train.environments` must be 1 to 8192"];

@@ -28,8 +28,9 @@ impl EnvConfig {
                 && e.physics_hz.is_multiple_of(e.control_hz.max(1)),
             "engine.physics_hz",
             format!(
-                "a multiple of engine.control_hz = {} between 100 and 10000",
-                e.control_hz
+                "a multiple of engine.control_hz = {} between 100 and 10000, such as {}",
+                e.control_hz,
+                nearest(e.physics_hz, e.control_hz.max(1))
             ),
         );
         let g = &self.ground;
@@ -220,4 +221,11 @@ fn not_negative(require: &mut impl FnMut(bool, &'static str, String), value: f64
 
 fn share(require: &mut impl FnMut(bool, &'static str, String), value: f64, key: &'static str) {
     require((0.0..=1.0).contains(&value), key, "a share from 0 to 1".into());
+}
+
+/// The rate nearest to `physics_hz` that is a multiple of `control_hz` and between 100 and 10,000 Hz.
+fn nearest(physics_hz: u32, control_hz: u32) -> u32 {
+    let wanted = f64::from(physics_hz.clamp(100, 10_000)) / f64::from(control_hz);
+    let least = 100_u32.div_ceil(control_hz);
+    (wanted.round() as u32).clamp(least, 10_000 / control_hz) * control_hz
 }
