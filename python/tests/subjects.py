@@ -22,8 +22,37 @@ ROBOTS = ["robots/nimbro_op2x", "robots/pendulum", "python/tests/robots/awkward"
 
 STATES = 500
 
-PUBLISHED = ["igus_op/igus_op.urdf", "booster_t1/T1_locomotion.urdf", "unitree_g1/g1_12dof.urdf"]
-"""Robots as their makers publish them, in the folder `robots/urdf` of what `OMNIWALK_SHARED` points to."""
+PUBLISHED = {
+    "igus_op/igus_op.urdf": {
+        "feet": ["left_foot_link", "right_foot_plane_link"],
+        "others": ["camera_optical", "left_lower_arm_link", "right_shank_link"],
+    },
+    "booster_t1/T1_locomotion.urdf": {
+        "feet": ["left_foot_link", "right_foot_link"],
+        "others": ["left_hand_link", "Hip_Yaw_Left", "Shank_Right"],
+    },
+    "unitree_g1/g1_12dof.urdf": {
+        "feet": ["left_ankle_roll_link", "right_ankle_roll_link"],
+        "others": ["left_wrist_roll_rubber_hand", "left_hip_roll_link", "right_knee_link"],
+    },
+}
+"""Robots as their makers publish them, in the folder `robots/urdf` of what `OMNIWALK_SHARED` points to, each with its feet and other
+links that touch the ground here; some of them are fixed to the body that moves."""
+
+FOOT = """
+[[foot]]
+link = "{link}"
+sole = [0.03, -0.01, -0.04]
+rpy = [0.1, -0.2, 0.3]
+size = [0.2, 0.1]
+"""
+"""Where on its link a sole is does not matter to the equations, so it is nowhere special."""
+
+CONTACT = """
+[[contact]]
+link = "{link}"
+points = [[0.05, -0.02, 0.03], [-0.04, 0.03, -0.06]]
+"""
 
 
 @cache
@@ -40,13 +69,16 @@ def dump(robot: str, engine: str, dt: float, *ground: str) -> SimpleNamespace:
 
 @cache
 def published(urdf: str) -> str:
-    """A folder with the published robot and a TOML that lets it float, which a URDF cannot say; skips where it is not at hand."""
+    """A folder with the published robot and a TOML that lets it float and touch the ground, which a URDF cannot say; skips where it
+    is not at hand."""
     if "OMNIWALK_SHARED" not in os.environ:
         pytest.skip("OMNIWALK_SHARED is not set: no published robots")
     source = Path(os.environ["OMNIWALK_SHARED"]) / "robots/urdf" / urdf
     folder = Path(tempfile.mkdtemp(prefix="published-"))
     (folder / source.name).write_text(source.read_text())
-    (folder / "robot.toml").write_text('base = "floating"\n')
+    tables = [FOOT.format(link=link) for link in PUBLISHED[urdf]["feet"]]
+    tables += [CONTACT.format(link=link) for link in PUBLISHED[urdf]["others"]]
+    (folder / "robot.toml").write_text('base = "floating"\n' + "".join(tables))
     return str(folder)
 
 

@@ -17,7 +17,7 @@ import pytest
 from subjects import PUBLISHED, ROBOTS, ROOT, STATES, Subject, dump, published, subject
 
 STEPPING = [ROBOTS[0], ROBOTS[2]]
-"""Those with contact points."""
+"""Those of the project with contact points."""
 
 ALL = pytest.mark.parametrize("robot", [subject(folder) for folder in ROBOTS], ids=ROBOTS)
 
@@ -85,13 +85,14 @@ def test_lanes_obey_mujocos_equation_of_motion_for_published_robots(urdf: str) -
     assert residuals(robot, accelerations(robot, "f32x8", 0.005)).max() < 1e-4
 
 
-@pytest.mark.parametrize("robot", [subject(folder) for folder in STEPPING], ids=STEPPING)
+@pytest.mark.parametrize("name", [*STEPPING, *PUBLISHED])
 @pytest.mark.parametrize("engine, dt, bound", [("scalar", 0.001, 1e-10), ("f32x8", 0.005, 1e-4)])
 def test_ground_forces_of_lanes_act_through_mujocos_contact_jacobians(
-    robot: Subject, engine: str, dt: float, bound: float
+    name: str, engine: str, dt: float, bound: float
 ) -> None:
     """What moves a robot beyond torques and push is a wrench on each link that touches, through MuJoCo's Jacobian of the
     link; a foot's force is the one the engine reports. Bounds as in free flight."""
+    robot = subject(published(name) if name in PUBLISHED else name)
     reference = dump(robot.folder, engine, dt, "ground")
     rows = accelerations(robot, engine, dt, "ground")
     touched = 0
