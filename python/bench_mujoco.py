@@ -45,6 +45,9 @@ FALLEN_HEIGHT = 0.7
 FALLEN_TILT = 0.7
 """or when its base's vertical axis is further than this off the vertical, rad. Both as the task has them by default."""
 
+CELLS, CELL, AMPLITUDE = 256, 0.25, 0.02
+"""A rough ground: cells a side, their side (m), and how far from zero heights are (m)."""
+
 
 @dataclass
 class Timing:
@@ -55,13 +58,33 @@ class Timing:
     falls: int = 0
 
 
+def on_rough_ground(xml: str, seed: int) -> mujoco.MjModel:
+    """The model on a height field instead of the plane: that of `ground.kind = "rough"` with its default cells and amplitude, with
+    heights of its own."""
+    spec = mujoco.MjSpec.from_string(xml)
+    heights = np.random.default_rng(seed).uniform(size=(CELLS + 1) ** 2)
+    side = 0.5 * CELLS * CELL
+    size = [side, side, 2 * AMPLITUDE, 1.0]
+    spec.add_hfield(name="ground", nrow=CELLS + 1, ncol=CELLS + 1, size=size, userdata=heights.tolist())
+    floor = spec.geom("floor")
+    floor.type, floor.hfieldname, floor.pos = mujoco.mjtGeom.mjGEOM_HFIELD, "ground", [0, 0, -AMPLITUDE]
+    return spec.compile()
+
+
 class Bench:
     """`worlds` robots with their random targets and falls."""
 
     def __init__(
-        self, robot: Robot, physics_hz: float, worlds: int, seed: int, settings: Callable[[mujoco.MjModel], None]
+        self,
+        robot: Robot,
+        physics_hz: float,
+        worlds: int,
+        seed: int,
+        settings: Callable[[mujoco.MjModel], None],
+        rough: bool = False,
     ) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf.write(robot, physics_hz))
+        xml = mjcf.write(robot, physics_hz)
+        self.model = on_rough_ground(xml, seed) if rough else mujoco.MjModel.from_xml_string(xml)
         settings(self.model)
         self.substeps = round(physics_hz / CONTROL_HZ)
         self.floating = robot.floating

@@ -118,11 +118,14 @@ impl Bench {
 }
 
 impl Round {
-    /// Part of the time that the engine takes.
+    /// Part of the time that physics takes: the engine, and the law of the actuators, which other simulators count with it.
     fn engine_share(&self) -> f64 {
-        let total: f64 = self.phases.iter().map(|phase| phase.seconds).sum();
-        let engine = self.phases.iter().find(|phase| phase.name == "engine");
-        engine.map_or(1.0, |phase| phase.seconds / total)
+        let seconds = |phase: &Phase| phase.seconds;
+        let physics = self
+            .phases
+            .iter()
+            .filter(|phase| ["engine", "drives"].contains(&phase.name));
+        physics.map(seconds).sum::<f64>() / self.phases.iter().map(seconds).sum::<f64>()
     }
 }
 
