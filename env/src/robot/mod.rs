@@ -278,6 +278,21 @@ impl Robot {
         &self.joints[self.dofs[d]]
     }
 
+    /// Position limits of degree of freedom `d`, rad or m: its joint's, tightened by those of the joints that follow it.
+    pub fn limits(&self, d: usize) -> (f64, f64) {
+        let leader = self.dofs[d];
+        let mut limits = self.joints[leader].limits;
+        for joint in &self.joints {
+            let Some(mimic) = joint.mimic.filter(|m| m.joint == leader && m.multiplier != 0.0) else {
+                continue;
+            };
+            let at = |limit: f64| (limit - mimic.offset) / mimic.multiplier;
+            let (a, b) = (at(joint.limits.0), at(joint.limits.1));
+            limits = (limits.0.max(a.min(b)), limits.1.min(a.max(b)));
+        }
+        limits
+    }
+
     /// The joint behind the policy's joint `i`.
     pub fn policy_joint(&self, i: usize) -> &Joint {
         self.dof(self.policy[i])

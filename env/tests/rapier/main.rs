@@ -3,6 +3,7 @@
 mod batch;
 mod contacts;
 mod drives;
+mod followers;
 mod joints;
 mod lanes;
 mod nimbro;

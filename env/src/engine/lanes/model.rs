@@ -138,7 +138,7 @@ impl<L: Lane> Model<L> {
             })
             .collect();
         let limits = (0..robot.dofs.len())
-            .map(|d| limits(robot, d))
+            .map(|d| robot.limits(d))
             .map(|(l, u)| (L::scalar(l), L::scalar(u)));
         Self {
             dt,
@@ -318,21 +318,6 @@ fn contact_body<L: Lane>(
         points: points.iter().map(|p| scalars::<L>(p.coords)).collect(),
         first_point,
     })
-}
-
-/// The limits of degree of freedom `d`, tightened by those of the joints that follow it.
-fn limits(robot: &Robot, d: usize) -> (f64, f64) {
-    let leader = robot.dofs[d];
-    let mut limits = robot.joints[leader].limits;
-    for joint in &robot.joints {
-        let Some(mimic) = joint.mimic.filter(|m| m.joint == leader && m.multiplier != 0.0) else {
-            continue;
-        };
-        let at = |limit: f64| (limit - mimic.offset) / mimic.multiplier;
-        let (a, b) = (at(joint.limits.0), at(joint.limits.1));
-        limits = (limits.0.max(a.min(b)), limits.1.min(a.max(b)));
-    }
-    limits
 }
 
 fn scalars<L: Lane>(v: Vector3<f64>) -> [L::Scalar; 3] {

@@ -10,6 +10,7 @@
 //! - **Contacts** are rigid, of each shape with the ground only, with Coulomb friction in a circular cone at each contact
 //!   point. Torsional and rolling friction are torques on the touching link (`contact.rs`).
 //! - **Joint limits** act once passed: a joint that reaches one at speed v passes it by at most `v dt` and is put back in the next step.
+//!   Those of a mimic joint are kept by the joint that it follows.
 //! - A link without mass gets 1e-6 kg and 1e-8 kg m^2, because rapier stores inverses.
 //!
 //! A world [is finite](Engine::is_finite) while its base is within 1e4 m, moves below 1e3 m/s and turns below 1e4 rad/s, and its

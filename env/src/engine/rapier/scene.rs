@@ -118,7 +118,11 @@ impl Scene {
             .map(|link| state.add_body(robot, link, floating))
             .collect();
         for (j, joint) in robot.joints.iter().enumerate() {
-            let data = joint_data(joint, &root_offset(robot.base, joint.parent, &robot.links[0].inertial));
+            let mut data = joint_data(joint, &root_offset(robot.base, joint.parent, &robot.links[0].inertial));
+            if let Some(d) = robot.dofs.iter().position(|&dof| dof == j) {
+                let limits = &mut data.limits[axis(joint)];
+                (limits.min, limits.max) = robot.limits(d);
+            }
             state
                 .multibodies
                 .insert(bodies[joint.parent], bodies[j + 1], data, true);
@@ -317,14 +321,11 @@ fn joint_data(joint: &Joint, parent_offset: &Translation3<f64>) -> GenericJoint 
         JointKind::Revolute => JointAxesMask::LOCKED_REVOLUTE_AXES,
         JointKind::Prismatic => JointAxesMask::LOCKED_PRISMATIC_AXES,
     };
-    let mut data = GenericJointBuilder::new(locked)
+    GenericJointBuilder::new(locked)
         .local_frame1(convert::pose(&(parent_offset.inverse() * joint_frame(joint))))
         .local_frame2(convert::pose(&axis_frame(joint)))
         .contacts_enabled(false)
-        .build();
-    let limits = &mut data.limits[axis(joint)];
-    (limits.min, limits.max) = joint.limits;
-    data
+        .build()
 }
 
 fn axis(joint: &Joint) -> usize {
@@ -349,16 +350,16 @@ fn freedoms(robot: &Robot, root_velocities: usize) -> Vec<Freedom> {
             Some(coordinate(joint, mimic.multiplier, mimic.offset))
         })
     };
-    let freedom = |&leader: &usize| {
+    let freedom = |(d, &leader): (usize, &usize)| {
         let own = coordinate(leader, 1.0, 0.0);
         let mut coordinates: Vec<_> = std::iter::once(own).chain(followers(leader)).collect();
         share_equally(&mut coordinates);
         Freedom {
             coordinates,
-            limits: robot.joints[leader].limits,
+            limits: robot.limits(d),
         }
     };
-    robot.dofs.iter().map(freedom).collect()
+    robot.dofs.iter().enumerate().map(freedom).collect()
 }
 
 /// A follower whose multiplier is zero does not move with its leader and takes no part.
