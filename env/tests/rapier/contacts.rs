@@ -129,6 +129,39 @@ fn torsional_friction_holds_a_torque_below_its_limit_and_no_more() {
     }
 }
 
+/// Sliding and spinning at once: there is no cone that both share. The ball is braked by the whole of tangential friction and the
+/// whole of torsional friction, each as if it were alone; what a step does before the normal force of the last one is known is
+/// what each does in a step.
+#[test]
+fn friction_of_a_ball_that_slides_and_spins_is_two_separate_clamps() {
+    let robot = ball();
+    let (dt, mu, torsional) = (1e-3, 0.4, 0.005);
+    let mut model = nominal(&robot);
+    (model.friction.tangential, model.friction.torsional) = (mu, torsional);
+    let mut start = Start::nominal(&robot);
+    start.linear_velocity.x = 2.0;
+    start.angular_velocity.z = 8.0;
+    let mut engine = single(&robot, dt, &start, &model);
+    run(&mut engine, &Drive::idle(1, 1), dt, 0.5);
+    let resting = engine.base(0).position.z;
+    start.position.z = resting;
+    engine.reset(0, &start, &model);
+    // It rolls without slip at v / (1 + 5 / 2) less: after 0.15 s.
+    let seconds = 0.1;
+    run(&mut engine, &Drive::idle(1, 1), dt, seconds);
+    let (mass, inertia) = (robot.mass(), robot.links[0].inertial.inertia[(2, 2)]);
+    let rates = [mu * G, torsional * mass * G / inertia];
+    let base = engine.base(0);
+    let lost = [2.0 - base.linear_velocity.x, 8.0 - base.angular_velocity.z];
+    for (lost, rate) in lost.into_iter().zip(rates) {
+        assert!(
+            (lost - rate * seconds).abs() < 2.0 * rate * dt,
+            "lost {lost}, {} alone",
+            rate * seconds
+        );
+    }
+}
+
 /// A ball rolling without slip: (I + m r^2) dw = -rolling m g dt.
 #[test]
 fn rolling_friction_slows_a_rolling_ball_at_its_rate() {

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use omniwalk_env::engine::lanes::{Lanes, Simd};
 use omniwalk_env::engine::rapier::Rapier;
 use omniwalk_env::engine::{Drive, Engine, Start};
-use omniwalk_env::robot::{Base, JointKind, Robot};
+use omniwalk_env::robot::{Base, JointKind, Mimic, Robot};
 
 use crate::order::agree;
 use crate::robots::*;
@@ -84,5 +84,39 @@ fn sliding_joints_differ_in_proportion_to_the_step() {
 fn floating_robots_differ_in_proportion_to_the_step() {
     let mut robot = chain(4, 0.7);
     robot.base = Base::Floating;
+    compare(&robot, 0.5);
+}
+
+/// Lets `follower` follow `leader`.
+fn couple(robot: &mut Robot, follower: usize, leader: usize, multiplier: f64, offset: f64) {
+    robot.joints[follower].mimic = Some(Mimic {
+        joint: leader,
+        multiplier,
+        offset,
+    });
+    robot.dofs.retain(|&dof| dof != follower);
+    robot.policy = (0..robot.dofs.len()).collect();
+}
+
+#[test]
+fn sliding_joints_that_follow_differ_in_proportion_to_the_step() {
+    let mut robot = chain(4, 0.7);
+    robot.joints[1].kind = JointKind::Prismatic;
+    robot.joints[3].kind = JointKind::Prismatic;
+    couple(&mut robot, 3, 1, -0.6, 0.02);
+    compare(&robot, 0.5);
+    // One that slides after one that turns, m/rad.
+    let mut robot = chain(4, 0.7);
+    robot.joints[2].kind = JointKind::Prismatic;
+    couple(&mut robot, 2, 0, 0.05, -0.01);
+    compare(&robot, 0.5);
+}
+
+#[test]
+fn floating_robots_with_joints_that_follow_differ_in_proportion_to_the_step() {
+    let mut robot = chain(5, 0.7);
+    robot.base = Base::Floating;
+    couple(&mut robot, 3, 1, -0.6, 0.02);
+    couple(&mut robot, 4, 0, 1.5, 0.0);
     compare(&robot, 0.5);
 }

@@ -4,6 +4,7 @@ mod batch;
 mod contacts;
 mod drives;
 mod followers;
+mod grounded;
 mod joints;
 mod lanes;
 mod nimbro;
