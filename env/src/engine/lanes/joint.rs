@@ -21,7 +21,7 @@ use super::model::Model;
 use super::work::{JointRow, Work};
 
 /// Share of a limit's violation that is undone in a step.
-const LIMIT_RECOVERY: f64 = 0.2;
+pub const LIMIT_RECOVERY: f64 = 0.2;
 /// Fastest recovery from a violated limit, rad/s or m/s.
 const LIMIT_RECOVERY_SPEED: f64 = 2.0;
 

@@ -3,6 +3,8 @@ mod dynamics;
 mod ground;
 mod joint;
 mod lanes;
+#[path = "../../../../tests/support/order.rs"]
+mod order;
 mod reference;
 mod robots;
 mod standing;
