@@ -9,6 +9,11 @@
 //! maximum dissipation are its fixed points, and unlike a step along the gradient it does not care that sliding and
 //! turning answer on different scales. [`SLIP_DAMPING`] and [`TURN_DAMPING`] make the split between points unique: a
 //! loaded point creeps with `F / SLIP_DAMPING`.
+//!
+//! So a point that slides and spins at once is braked less in each than it would be in that alone. The engine of record has no such
+//! cone: rapier's Coulomb friction takes its full tangential force whatever the link's spin, and torsional and rolling friction
+//! are torques with clamps of their own (`engine::rapier`, module `contact`). Engines differ there, not where only one of the
+//! three acts.
 
 use super::group::ContactImpulse;
 use super::lane::Lane;

@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use super::order::{agree, distance};
 use super::robots;
 use super::*;
 use crate::engine::lanes::contact::{DAMPING, STIFFNESS};
@@ -109,6 +110,87 @@ fn rolling_body_stops_after_the_angle_that_rolling_friction_gives() {
                 let creep = mu * mass * GRAVITY / TURN_DAMPING;
                 assert!(engine.base(0).angular_velocity.norm() < creep);
             }
+        }
+    }
+}
+
+/// Speed (m/s) and spin (rad/s) every 4 ms of a body that slides and spins at once on the one point that is its centre of mass,
+/// in the engine.
+fn slides_and_spins(robot: &Robot, level: Simd, coefficients: [f64; 2], begin: [f64; 2], dt: f64) -> Vec<f64> {
+    let own = Start {
+        // As deep as its weight presses the point.
+        position: Vector3::z() * (-robot.mass() * GRAVITY / STIFFNESS),
+        linear_velocity: Vector3::x() * begin[0],
+        angular_velocity: Vector3::z() * begin[1],
+        ..Start::nominal(robot)
+    };
+    let world = World::nominal(robot, friction(coefficients[0], coefficients[1], 0.0));
+    let mut engine = single(robot, dt, level, &own, &world);
+    let mut samples = vec![];
+    for _ in 0..40 {
+        (0..(0.004 / dt).round() as usize).for_each(|_| engine.step(&Drive::idle(0, 1)));
+        let base = engine.base(0);
+        samples.extend([base.linear_velocity.x, base.angular_velocity.z]);
+    }
+    samples
+}
+
+/// The same by the one cone in steps far too small to matter. Of all (force f, moment t) with
+/// `(f / mu)^2 + (t / mu_z)^2 <= N^2` friction takes the one that takes most power from speed v and spin w:
+/// `f = -N mu^2 v / s`, `t = -N mu_z^2 w / s` with `s^2 = (mu v)^2 + (mu_z w)^2`. The point's share of either speed that is its
+/// creep does not count.
+fn by_one_cone(robot: &Robot, [mu, mu_z]: [f64; 2], [mut v, mut w]: [f64; 2]) -> Vec<f64> {
+    let (weight, inertia) = (robot.mass() * GRAVITY, robot.links[0].inertial.inertia[(2, 2)]);
+    let steps = 10_000;
+    let dt = 0.004 / f64::from(steps);
+    let (mut force, mut moment) = (0.0, 0.0);
+    let mut samples = vec![];
+    for _ in 0..40 {
+        for _ in 0..steps {
+            // The mean of a step's ends. Creep is that of the force just before: it is as good as still.
+            let mut slope = |v: f64, w: f64| {
+                let (slip, turn) = (v + force / SLIP_DAMPING, w + moment / TURN_DAMPING);
+                let share = weight / (mu * slip).hypot(mu_z * turn);
+                (force, moment) = (-share * mu * mu * slip, -share * mu_z * mu_z * turn);
+                (force / robot.mass(), moment / inertia)
+            };
+            let (a, b) = slope(v, w);
+            let (c, d) = slope(v + dt * a, w + dt * b);
+            (v, w) = (v + 0.5 * dt * (a + c), w + 0.5 * dt * (b + d));
+        }
+        samples.extend([v, w]);
+    }
+    samples
+}
+
+/// Sliding and spinning share one cone: each is braked less than it would be alone, as the ellipse says.
+#[test]
+fn friction_is_shared_between_sliding_and_spinning_along_one_ellipse() {
+    let mut robot = robots::block(3.0, [0.3, 0.3, 0.1]);
+    robot.links[0].contact_points = vec![Point3::origin()];
+    let gyration = robot.links[0].inertial.inertia[(2, 2)] / robot.mass();
+    // The first mostly slides, the second mostly spins.
+    for coefficients in [[0.4, 0.03], [0.2, 0.06]] {
+        let begin = [1.0, 8.0];
+        let exact = by_one_cone(&robot, coefficients, begin);
+        agree(&[0.004, 0.002, 0.001].map(|dt| {
+            let own = slides_and_spins(&robot, Simd::Scalar, coefficients, begin, dt);
+            [own, exact.clone()]
+        }));
+        let [v, w] = [exact[exact.len() - 2], exact[exact.len() - 1]];
+        let seconds = 0.16;
+        let alone = [coefficients[0] * GRAVITY, coefficients[1] * GRAVITY / gyration].map(|rate| rate * seconds);
+        let lost = [begin[0] - v, begin[1] - w];
+        assert!(lost[0] < alone[0] && lost[1] < alone[1], "{lost:?} of {alone:?} alone");
+        // What a step rounds is carried on as a start that is off.
+        let (dt, off) = (0.004, 1e-6);
+        let scalar = slides_and_spins(&robot, Simd::Scalar, coefficients, begin, dt);
+        let moved = slides_and_spins(&robot, Simd::Scalar, coefficients, begin.map(|x| x + off), dt);
+        let growth = distance(&moved, &scalar) / off;
+        for level in levels() {
+            let error = distance(&slides_and_spins(&robot, level, coefficients, begin, dt), &scalar);
+            let bound = growth * rounding(level) * begin[1] * 40.0;
+            assert!(error <= bound, "{}: {error}, {bound} by rounding", level.name());
         }
     }
 }
