@@ -8,8 +8,15 @@
 //!
 //! A step is: poses and bias forces (recursive Newton-Euler), mass matrix (composite rigid bodies), implicit drives
 //! on the diagonal, sparse factorisation, Gauss-Seidel sweeps over contacts, drive clamps, dry friction and limits in
-//! coordinates where all inertias are one, semi-implicit Euler. The modules explain their part: `model` (tree,
-//! couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`, `tilt` (ground that is no level plane).
+//! coordinates where all inertias are one, semi-implicit Euler.
+//!
+//! **`f32` or `f64`.** The longer a row of joints, the more the acceleration is the small difference of large numbers. Relative
+//! to it, in random states rounding in `f32` makes an error of 1e-6 for a humanoid, 6e-5 for a branched tree of sixty joints, and
+//! for light rods in one row 2e-4 with ten, 5e-3 with twenty and 0.08 with sixty; in `f64` it is 2e-10 at most (`tests/long.rs`).
+//! `auto` takes `f32`. For an arm, a snake or a tail of many more than ten joints in a row set `engine.simd` to `f64x8`, or to
+//! `f64x4` on a processor without AVX-512.
+//!
+//! The modules explain their part: `model` (tree, couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`, `tilt` (ground that is no level plane).
 
 mod contact;
 mod count;

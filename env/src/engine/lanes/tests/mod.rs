@@ -3,6 +3,8 @@ mod dynamics;
 mod ground;
 mod joint;
 mod lanes;
+mod long;
+mod lying;
 #[path = "../../../../tests/support/order.rs"]
 mod order;
 mod reference;
