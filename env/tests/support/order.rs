@@ -1,17 +1,9 @@
 //! Two motions that differ in proportion to the step, judged by halving it twice.
 
-/// A motion's samples, rad or m.
-pub type Motion = Vec<f64>;
+#[path = "motion.rs"]
+mod motion;
 
-/// Largest distance of two motions.
-pub fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
-
-/// `2 fine - coarse`: what the motion is without a step, but for terms of second order.
-pub fn extrapolated(coarse: &[f64], fine: &[f64]) -> Motion {
-    coarse.iter().zip(fine).map(|(c, f)| 2.0 * f - c).collect()
-}
+pub use motion::{Motion, distance, extrapolated};
 
 /// Asserts that what shrinks with the step, at steps h, h/2 and h/4, is of first order in it.
 ///
