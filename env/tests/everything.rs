@@ -7,9 +7,11 @@ use std::sync::Arc;
 use omniwalk_env::Batch;
 use omniwalk_env::config::{EngineKind, EnvConfig};
 use omniwalk_env::effect::{self, Bounds, Effect, Kind, Parameter, Scale, Site};
+use omniwalk_env::engine::GRAVITY;
 use omniwalk_env::random::Stream;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::episode::End;
+use omniwalk_env::task::reward::Terms;
 use support::{config, robot};
 
 /// All that 40 Hz of control divide and that the physics is for.
@@ -78,17 +80,64 @@ fn everything_on(engine: EngineKind, rate: u32) -> EnvConfig {
     config
 }
 
+/// What has been seen of the joints: the highest speed, and how far one was beyond its limits, rad/s and rad.
+#[derive(Default)]
+struct Seen {
+    fastest: f64,
+    beyond: f64,
+}
+
+impl Seen {
+    /// Looks at all environments of a batch on a level plane.
+    fn look(&mut self, batch: &Batch, robot: &Robot) {
+        let lowest = batch.shared().config.task.min_height * robot.base_pose.translation.z;
+        for e in 0..batch.environments() {
+            let (_, engine, world) = batch.look(e);
+            // Who has fallen has started anew.
+            let height = engine.base(world).position.z;
+            assert!(
+                height > lowest,
+                "environment {e} goes on at {height} m, {lowest} m is fallen"
+            );
+            for foot in 0..robot.feet.len() {
+                let load = engine.foot_force(world, foot).z;
+                assert!(
+                    load >= -f64::EPSILON * robot.mass() * GRAVITY,
+                    "the ground pulls foot {foot} with {load} N"
+                );
+            }
+            let joints = engine.joints();
+            for d in 0..robot.dofs.len() {
+                let at = d * engine.worlds() + world;
+                let (lower, upper) = robot.limits(d);
+                let q = joints.position[at];
+                self.beyond = self.beyond.max(lower - q).max(q - upper);
+                self.fastest = self.fastest.max(joints.velocity[at].abs());
+            }
+        }
+    }
+}
+
 /// Plays `action` and counts the ends of episodes.
 fn ends(config: &EnvConfig, robot: &Arc<Robot>, mut action: impl FnMut() -> f32) -> Vec<End> {
     let mut batch = Batch::new(robot.clone(), config, 2, 5).expect("both engines take the robot");
     let mut actions = vec![0.5; 2 * batch.shared().spec.action_len()];
-    let mut ends = vec![];
+    let (mut ends, mut seen) = (vec![], Seen::default());
     for _ in 0..SECONDS * config.engine.control_hz {
         actions.iter_mut().for_each(|a| *a = action());
         batch.step(&actions);
         assert!(batch.observations().iter().all(|o| o.is_finite()));
+        assert!(batch.terms().iter().flat_map(Terms::array).all(f64::is_finite));
+        seen.look(&batch, robot);
         ends.extend(batch.ends().iter().flatten());
     }
+    // A joint that comes to its limit passes it by what it moves in a step, no more.
+    let Seen { fastest, beyond } = seen;
+    let passed = fastest / f64::from(config.engine.physics_hz);
+    assert!(
+        beyond <= passed,
+        "{beyond} rad beyond a limit, {passed} rad in a step at {fastest} rad/s"
+    );
     ends
 }
 
