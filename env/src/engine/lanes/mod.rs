@@ -16,7 +16,8 @@
 //! `auto` takes `f32`. For an arm, a snake or a tail of many more than ten joints in a row set `engine.simd` to `f64x8`, or to
 //! `f64x4` on a processor without AVX-512.
 //!
-//! The modules explain their part: `model` (tree, couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`, `tilt` (ground that is no level plane).
+//! The modules explain their part: `model` (tree, couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`,
+//! `tilt` (ground that is no level plane).
 
 mod contact;
 mod count;
