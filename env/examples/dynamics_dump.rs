@@ -32,6 +32,8 @@ struct Dump {
     links: Vec<Link>,
     /// Names of the degrees of freedom.
     dofs: Vec<String>,
+    /// Lower and upper limit of each, rad or m; null where there is none.
+    limits: Vec<(f64, f64)>,
     states: Vec<State>,
 }
 
@@ -111,6 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             })
             .collect(),
         dofs: (0..robot.dofs.len()).map(|d| robot.dof(d).name.clone()).collect(),
+        limits: (0..robot.dofs.len()).map(|d| robot.limits(d)).collect(),
         states,
     };
     println!("{}", serde_json::to_string(&dump)?);

@@ -107,9 +107,9 @@ def _bodies(robot: Robot, world: Element) -> list[Element]:
             "damping": _text(model.damping),
             "frictionloss": _text(model.friction),
         }
-        # The limits of a joint that follows another are those of the leader.
-        if joint.mimic is None and all(map(math.isfinite, model.limits)):
-            entry.attrib["range"] = _text(*model.limits)
+        # A joint that follows another has its limits in the leader's.
+        if joint.mimic is None and all(map(math.isfinite, limits := robot.limits(joint.name))):
+            entry.attrib["range"] = _text(*limits)
         elements.append(element)
     for body, element in zip(bodies, elements):
         element.insert(0, _inertial(body, 1e-12 * mass))

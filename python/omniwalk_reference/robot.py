@@ -83,6 +83,17 @@ class Robot:
         own = {joint.name: model.nominal for joint, model in zip(self.tree.joints, self.joints)}
         return self.tree.positions(own)
 
+    def limits(self, name: str) -> tuple[float, float]:
+        """Position limits of a joint that moves by itself, rad or m: its own, tightened by those of the joints that follow it."""
+        models = dict(zip((joint.name for joint in self.tree.joints), self.joints))
+        lower, upper = models[name].limits
+        for joint in self.tree.joints:
+            leader, ratio, offset = joint.mimic or ("", 0.0, 0.0)
+            if leader == name and ratio != 0:
+                ends = [(limit - offset) / ratio for limit in models[joint.name].limits]
+                lower, upper = max(lower, min(ends)), min(upper, max(ends))
+        return lower, upper
+
     def base_pose(self) -> Pose:
         """Where the base stands in the nominal pose: upright, the lowest contact point on the plane z = 0. Without
         contact points its frame is on the plane."""

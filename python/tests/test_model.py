@@ -30,6 +30,16 @@ def test_merged_links_have_the_same_mass_centre_and_inertia(robot: Subject) -> N
         assert_allclose(link.inertia, body.inertia, rtol=0, atol=1e-10 * np.trace(body.inertia) + 1e-15)
 
 
+def test_joints_stop_where_their_followers_do(robot: Subject) -> None:
+    reference = dump(robot.folder, "scalar", KINEMATIC_DT)
+    assert len(reference.dofs) > 0
+    for name, limits in zip(reference.dofs, reference.limits):
+        joint = robot.model.joint(name)
+        assert bool(joint.limited[0]) == (None not in limits)
+        if joint.limited[0]:
+            assert_allclose(joint.range, limits, rtol=1e-12)
+
+
 def test_the_base_stands_at_the_same_height(robot: Subject) -> None:
     base = dump(robot.folder, "scalar", KINEMATIC_DT).base_pose
     pose = robot.robot.base_pose()
