@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use super::{engine, load, median};
 use crate::settings::Settings;
 use crate::terminal::say;
+use crate::train::shape;
 
 /// Control steps in one go, as training collects them.
 const STEPS: usize = 128;
@@ -82,6 +83,7 @@ pub fn bench(settings: &Settings, seconds: u32, threads: usize) -> miette::Resul
     let worlds = bench.batch.environments();
     let result = json!({
         "engine": engine(settings),
+        "simd": shape::simd(settings),
         "environments": worlds,
         "physics_hz": settings.env.engine.physics_hz,
         "policy_steps_per_second": middle(&rounds, |r| r.steps / r.seconds),
