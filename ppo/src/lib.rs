@@ -15,6 +15,7 @@ mod distribution;
 mod elementwise;
 #[cfg(test)]
 mod finite_differences;
+mod floats;
 mod gae;
 mod matrix;
 mod network;

@@ -6,6 +6,7 @@
 //! both in each call. Each element of a product is summed over the depth in one order, whatever the number of rows, so
 //! a sample's output does not depend on its neighbours.
 
+use crate::floats::Floats;
 use crate::simd::{self, Kernel, Left, PANEL, Simd};
 
 /// Depth of a block of the product: a panel of it stays in the first-level cache. A multiple of [`PANEL`].
@@ -18,7 +19,7 @@ pub(crate) fn panels_len(rows: usize, columns: usize) -> usize {
 
 /// A matrix in panels with room for a number of rows.
 pub(crate) struct Panels {
-    pub data: Vec<f32>,
+    pub data: Floats,
     /// Floats from a panel to the next.
     pub panel: usize,
 }
@@ -27,7 +28,7 @@ impl Panels {
     /// Zeros.
     pub(crate) fn new(rows: usize, columns: usize) -> Self {
         Self {
-            data: vec![0.0; panels_len(rows, columns)],
+            data: Floats::zeros(panels_len(rows, columns)),
             panel: rows * PANEL,
         }
     }

@@ -11,6 +11,7 @@ use rand::{Rng, RngExt};
 
 use crate::{
     elementwise::{Activation, activate, differentiate},
+    floats::Floats,
     matrix::{Panels, Product, panels_len},
     simd::{self, Kernel, PANEL, Simd},
 };
@@ -27,33 +28,33 @@ pub(crate) struct Tile {
     pub layer: usize,
     /// Weights (`outputs x inputs`) in panels, what fills up the last one zero, then biases. So they are the right
     /// operand of the backward pass, and their gradient an output of products, as they lie.
-    pub parameters: Vec<f32>,
+    pub parameters: Floats,
     /// Gradient of the loss, in the same order.
-    pub gradient: Vec<f32>,
+    pub gradient: Floats,
     /// Sum of the squared gradient of the last minibatch.
     pub squared: f64,
     /// Adam's mean of the gradient.
-    pub first_moment: Vec<f32>,
+    pub first_moment: Floats,
     /// Adam's mean of the squared gradient.
-    pub second_moment: Vec<f32>,
+    pub second_moment: Floats,
     /// Transposed weights (`inputs x outputs`) in panels: right operand of the forward pass.
-    pub forward: Vec<f32>,
+    pub forward: Floats,
 }
 
 impl Tile {
     fn new(layer: usize, first: usize, inputs: usize, outputs: usize) -> Self {
-        let parameters = vec![0.0; panels_len(outputs, inputs) + outputs];
+        let parameters = || Floats::zeros(panels_len(outputs, inputs) + outputs);
         Self {
             inputs,
             outputs,
             first,
             layer,
-            gradient: parameters.clone(),
+            parameters: parameters(),
+            gradient: parameters(),
             squared: 0.0,
-            first_moment: parameters.clone(),
-            second_moment: parameters.clone(),
-            parameters,
-            forward: vec![0.0; panels_len(inputs, outputs)],
+            first_moment: parameters(),
+            second_moment: parameters(),
+            forward: Floats::zeros(panels_len(inputs, outputs)),
         }
     }
 

@@ -55,7 +55,7 @@ pub enum StateError {
 }
 
 /// Which of a tile's arrays; the suffix names it.
-type Part = (&'static str, fn(&Tile) -> &Vec<f32>, fn(&mut Tile) -> &mut Vec<f32>);
+type Part = (&'static str, fn(&Tile) -> &[f32], fn(&mut Tile) -> &mut [f32]);
 
 const PARTS: [Part; 3] = [
     ("", |tile| &tile.parameters, |tile| &mut tile.parameters),

@@ -25,10 +25,12 @@ pub(crate) fn tile<S: Simd>(left: Left, rows: usize, depth: usize, panel: &[f32]
     assert!(panel.len() >= depth * PANEL && out.len() >= rows * PANEL);
     let mut row = 0;
     while row < rows {
-        let mut count = (rows - row).min(S::ROWS);
+        let mut count = rows - row;
         if left.transposed {
             count = count.min(PANEL - row % PANEL);
         }
+        // As even as can be: what is left in the end would wait for its own sums.
+        count = count.div_ceil(count.div_ceil(S::ROWS));
         let offset = if left.transposed {
             row / PANEL * left.panel + row % PANEL
         } else {
