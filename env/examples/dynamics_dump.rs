@@ -191,7 +191,7 @@ fn contact_heights<'r>(robot: &'r Robot, start: &Start) -> impl Iterator<Item = 
 /// Any orientation, joints in the middle eight tenths of their range: limits do not act.
 fn random_start(robot: &Robot, random: &mut impl Rng) -> Start {
     let joint = |d: usize, random: &mut dyn Rng| {
-        let (lower, upper) = robot.dof(d).limits;
+        let (lower, upper) = robot.limits(d);
         let (lower, upper) = (lower.max(-1.0), upper.min(1.0));
         let share = random.random_range(0.1..0.9);
         lower + share * (upper - lower)

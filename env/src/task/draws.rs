@@ -32,13 +32,13 @@ impl Environment {
         let robot = &shared.robot;
         let deviation = shared.config.randomise.start_position;
         for d in 0..robot.dofs.len() {
-            let joint = robot.dof(d);
             let noise = if deviation > 0.0 {
                 self.stream.normal(deviation)
             } else {
                 0.0
             };
-            scratch.start.joints[d] = (joint.nominal + noise).clamp(joint.limits.0, joint.limits.1);
+            let (lower, upper) = robot.limits(d);
+            scratch.start.joints[d] = (robot.dof(d).nominal + noise).clamp(lower, upper);
         }
         // The lowest corner of the soles touches the ground.
         let level = shared.ground == Ground::Plane;
