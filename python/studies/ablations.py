@@ -2,15 +2,19 @@
 
     cd python; python3 -m studies.ablations run      # trains and judges what is not finished yet, one run at a time; stop and go on at will
     python3 -m studies.ablations table    # docs table and picture from runs/ablations/results.csv
+    python3 -m studies.ablations full     # the three closest to the default, in full, into runs/ablations/full
 
 Needs `cargo build --release`; nothing but Python's standard library. Each run is 6 M steps, three seeds a variant.
 Judged by the mode in rapier under the suites' randomised conditions: the ten commands of the falls suite, two
-sequences of 60 s each. A finished run is a row of results.csv; runs themselves go to target/ablations.
+sequences of 60 s each. A finished run is a row of results.csv; runs themselves go to target/ablations. In full means as
+many steps as the configuration says, and judged like the default's own seeds (`runs/nimbro_op2x_omni/make.sh`).
 """
 
 import argparse
 import csv
 import json
+import math
+import shutil
 import statistics
 import subprocess
 from pathlib import Path
@@ -22,6 +26,11 @@ RUNS = ROOT / "target" / "ablations"
 STEPS = 6_000_000
 SEEDS = (1, 2, 3)
 JUDGED_WITH_SEED = "4000"
+
+FULL = RESULTS.with_name("full")
+CLOSEST = 3
+FULL_SEED, FULL_JUDGED_WITH_SEED = 1, "9000"
+"""As the reference run and its evaluation."""
 
 BLOCKS = [
     "joint_position", "joint_velocity", "attitude", "gyro",
@@ -77,14 +86,14 @@ def toml(value) -> str:
     return json.dumps(value)
 
 
-def train(variant: str, seed: int) -> Path:
-    """Trains, or goes on with, one run; returns its folder."""
-    run = RUNS / f"{variant}-{seed}"
+def train(variant: str, seed: int, run: Path, steps: int | None) -> Path:
+    """Trains, or goes on with, one run, `steps` long or as long as its configuration says; returns its folder."""
+    length = ["--steps", steps] if steps else []
     if run.exists():
-        command = [OMNIWALK, "train", "--resume", "--run", run, "--steps", STEPS]
+        command = [OMNIWALK, "train", "--resume", "--run", run, *length]
     else:
         _, config, changes = VARIANTS[variant]
-        command = [OMNIWALK, "train", *([config] if config else []), "--run", run, "--seed", seed, "--steps", STEPS]
+        command = [OMNIWALK, "train", *([config] if config else []), "--run", run, "--seed", seed, *length]
         for key, value in changes.items():
             command += ["--set", f"{key}={toml(value)}"]
     subprocess.run([*map(str, command), "--quiet"], cwd=ROOT, check=True)
@@ -104,9 +113,38 @@ def run(only: list[str]) -> None:
         for variant in only or VARIANTS:
             if any(row["variant"] == variant and int(row["seed"]) == seed for row in rows(RESULTS)):
                 continue
-            folder = train(variant, seed)
+            folder = train(variant, seed, RUNS / f"{variant}-{seed}", STEPS)
             judged = falls_suite(folder, folder / "falls.json", "--episodes", "2", "--seed", JUDGED_WITH_SEED)
             append(RESULTS, {"variant": variant, "seed": seed, **effort(folder), **judged})
+
+
+def closest() -> list[str]:
+    """The variants whose median errors are nearest to the default's, by their logarithms: nearest first."""
+    groups = {name: group for name, group in by_variant().items() if len(group) == len(SEEDS)}
+
+    def errors(name: str) -> list[float]:
+        keys = ("error_xy_mps", "error_yaw_radps")
+        return [math.log(statistics.median(float(row[key]) for row in groups[name])) for key in keys]
+
+    others = sorted(groups.keys() - {"default"}, key=lambda name: math.dist(errors(name), errors("default")))
+    return others[:CLOSEST]
+
+
+def full(only: list[str]) -> None:
+    """The closest variants, or `only` those, in full: configuration, evaluation and thinned metrics of each, where not yet there."""
+    for variant in only or closest():
+        kept = FULL / variant
+        if (kept / "eval.json").exists():
+            continue
+        folder = train(variant, FULL_SEED, RUNS / f"full-{variant}", None)
+        command = [OMNIWALK, "eval", folder, "--suite", "falls,changes,push", "--seed", FULL_JUDGED_WITH_SEED]
+        subprocess.run([*map(str, command)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        kept.mkdir(parents=True, exist_ok=True)
+        shutil.copy(folder / "config.toml", kept)
+        metrics = (folder / "metrics.csv").read_text().splitlines(keepends=True)
+        (kept / "metrics.csv").write_text("".join([metrics[0], *metrics[40::40]]))
+        judged = (folder / "eval.json").read_text().replace(str(folder), variant)
+        (kept / "eval.json").write_text(judged)
 
 
 def by_variant() -> dict[str, list[dict]]:
@@ -172,9 +210,13 @@ def main() -> None:
     runner = commands.add_parser("run", help="train and judge what is not finished")
     runner.add_argument("variants", nargs="*", choices=[[], *VARIANTS], help="only these")
     commands.add_parser("table", help="Markdown table and picture")
+    longer = commands.add_parser("full", help="the closest to the default in full, where not yet there")
+    longer.add_argument("variants", nargs="*", choices=[[], *VARIANTS], help="these instead")
     arguments = parser.parse_args()
     if arguments.command == "run":
         run(arguments.variants)
+    elif arguments.command == "full":
+        full(arguments.variants)
     else:
         table()
 
