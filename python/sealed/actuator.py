@@ -23,7 +23,6 @@ COUPLING = 900.0
 ROTOR_FRICTION = 0.2
 """Share of dry friction that sits before a gap: at the motor."""
 
-
 LATENESS = 0.04
 """Spread of a command's lateness on its way, as a share of the delay."""
 
@@ -95,7 +94,7 @@ class Actuator:
         """Sends a target; it arrives when its way through the line is over, and never overtakes another."""
         delay = self._value("command_delay", "time")
         if delay > 0.0:
-            # The time of the truth is the mean; what is late is never early.
+            # The truth's time is the mean delay, so the mean of the latenesses, none of which is below zero, comes off.
             spread = LATENESS * delay
             delay += float(abs(self.rng.normal(0.0, spread))) - spread * math.sqrt(2.0 / math.pi)
         arrival = max(time + delay, self.queue[-1][0] if self.queue else 0.0)

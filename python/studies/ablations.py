@@ -29,6 +29,7 @@ JUDGED_WITH_SEED = "4000"
 
 FULL = RESULTS.with_name("full")
 CLOSEST = 3
+ERRORS = ("error_xy_mps", "error_yaw_radps")
 FULL_SEED, FULL_JUDGED_WITH_SEED = 1, "9000"
 """As the reference run and its evaluation."""
 
@@ -119,12 +120,16 @@ def run(only: list[str]) -> None:
 
 
 def closest() -> list[str]:
-    """The variants whose median errors are nearest to the default's, by their logarithms: nearest first."""
-    groups = {name: group for name, group in by_variant().items() if len(group) == len(SEEDS)}
+    """The variants whose median errors are nearest to the default's, by their logarithms: nearest first. Those that are not finished, or
+    that held no command in a seed, are not among them."""
+
+    def known(group: list[dict]) -> bool:
+        return len(group) == len(SEEDS) and all(row[key] != "" for row in group for key in ERRORS)
+
+    groups = {name: group for name, group in by_variant().items() if known(group)}
 
     def errors(name: str) -> list[float]:
-        keys = ("error_xy_mps", "error_yaw_radps")
-        return [math.log(statistics.median(float(row[key]) for row in groups[name])) for key in keys]
+        return [math.log(statistics.median(float(row[key]) for row in groups[name])) for key in ERRORS]
 
     others = sorted(groups.keys() - {"default"}, key=lambda name: math.dist(errors(name), errors("default")))
     return others[:CLOSEST]
@@ -138,7 +143,7 @@ def full(only: list[str]) -> None:
             continue
         folder = train(variant, FULL_SEED, RUNS / f"full-{variant}", None)
         command = [OMNIWALK, "eval", folder, "--suite", "falls,changes,push", "--seed", FULL_JUDGED_WITH_SEED]
-        subprocess.run([*map(str, command)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(list(map(str, command)), cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         kept.mkdir(parents=True, exist_ok=True)
         shutil.copy(folder / "config.toml", kept)
         metrics = (folder / "metrics.csv").read_text().splitlines(keepends=True)
