@@ -19,5 +19,5 @@ for seed in 1 2 3; do
     awk 'NR == 1 || NR % 20 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done
 "$omniwalk" report "$out/seed-1" "$out/seed-2" "$out/seed-3" --out "$here"
-mv "$here/filmstrip.png" "$here/gait.png" docs/pictures/
-rm -f "$here/report.html"
+mv "$here/gait.png" docs/pictures/
+rm -f "$here/report.html" "$here/filmstrip.png"

@@ -9,6 +9,22 @@ omniwalk="${OMNIWALK:-target/release/omniwalk}"
 out="${1:-target/omni}"
 [ $# -gt 0 ] && shift
 here=runs/nimbro_op2x_omni
+
+# Pictures of the policy at its commands: a walk forward, and the five walks of the thesis's figure 7.7 with the gait of the fastest.
+pictures() {
+    rollouts "[[0.4,0,0]]"
+    mv "$here/policy.eval/filmstrip.png" docs/pictures/filmstrip.png
+    rollouts "[[0.6,0,0],[-0.5,0,0],[0,0.6,0],[0,0,0.5],[0.6,0,0.2]]"
+    mv "$here/policy.eval/filmstrip.png" docs/pictures/omni-filmstrip.png
+    mv "$here/policy.eval/gait.png" docs/pictures/omni-gait.png
+}
+
+rollouts() { # COMMANDS
+    rm -rf "$here/policy.eval"
+    "$omniwalk" eval "$here/policy.omni" --episodes 4 --seconds 12 --set "eval.commands=$1" > /dev/null
+    "$omniwalk" report "$here/policy.omni" > /dev/null
+}
+
 for seed in ${*:-1 2 3 4 5}; do
     run="$out/seed-$seed"
     if [ ! -d "$run" ]; then
@@ -31,5 +47,6 @@ for seed in ${*:-1 2 3 4 5}; do
         cp "$run"/eval_*.png "$run/rollouts/tracking.mcap" "$here/seed-$seed/"
         "$omniwalk" export "$run" --out "$here/policy.omni"
     fi
+    [ "$seed" = 1 ] && pictures
     awk 'NR == 1 || NR % 40 == 0' "$run/metrics.csv" > "$here/seed-$seed/metrics.csv"
 done

@@ -18,7 +18,7 @@ use crate::terminal::{say, tell};
 /// Largest picture that is read, bytes.
 const MAX_PICTURE_BYTES: u64 = 16 << 20;
 
-/// Draws learning curves of runs; of the first, gait, loads of the joints and filmstrip of its fastest rollout, and what its evaluation measured.
+/// Draws learning curves of runs; of the first, gait and joint loads of its fastest rollout, a filmstrip of the six fastest, and its evaluation.
 ///
 /// Writes learning.png, gait.png, load.png, filmstrip.png, eval_falls.png, eval_error.png, eval_grid.png and eval_push.png, each if there is
 /// something to draw, and report.html, which holds the pictures, the evaluation and the configuration. Works while a run is still training;
@@ -88,24 +88,28 @@ fn motion_pictures(subject: &Subject) -> Result<Vec<(&'static str, Canvas)>> {
         }
         None => return Ok(Vec::new()),
     };
-    let mut fastest: Option<Motion> = None;
+    let mut motions = Vec::new();
     for log in logs {
         match Motion::read(&log, &robot) {
-            Ok(motion) if fastest.as_ref().is_none_or(|other| motion.speed() > other.speed()) => fastest = Some(motion),
-            Ok(_) => {}
+            Ok(motion) => {
+                motions.push(motion);
+                // Of two that are as fast, the first comes first.
+                motions.sort_by(|a, b| b.speed().total_cmp(&a.speed()));
+                motions.truncate(film::ROWS);
+            }
             // An evaluation may be writing it.
             Err(error) => tell(format_args!("warning: left out: {error}")),
         }
     }
-    let Some(motion) = fastest else {
+    let Some(fastest) = motions.first() else {
         return Ok(Vec::new());
     };
-    say(format_args!("rollout: {}", motion.path.display()))?;
-    let mut pictures = vec![("filmstrip.png", film::draw(&motion, &robot)?)];
+    say(format_args!("rollout: {}", fastest.path.display()))?;
+    let mut pictures = vec![("filmstrip.png", film::draw(&motions, &robot)?)];
     if !robot.feet.is_empty() {
-        pictures.insert(0, ("gait.png", gait::draw(&motion, &robot)?));
+        pictures.insert(0, ("gait.png", gait::draw(fastest, &robot)?));
     }
-    pictures.extend(loads::draw(&motion, &robot)?.map(|canvas| ("load.png", canvas)));
+    pictures.extend(loads::draw(fastest, &robot)?.map(|canvas| ("load.png", canvas)));
     Ok(pictures)
 }
 

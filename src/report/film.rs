@@ -1,4 +1,5 @@
-//! `filmstrip.png`: the robot in even moments of a gait cycle, or of a second where there is none, its collision shapes ray-cast in parallel projection.
+//! `filmstrip.png`: the robot in even moments of a gait cycle, or of a second where there is none, a row a rollout (thesis, figure 7.7), its collision
+//! shapes ray-cast in parallel projection.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use omniwalk_env::robot::{Geometry, Kinematics, Robot};
@@ -14,9 +15,11 @@ use super::ray::{Hit, Ray};
 const FRAMES: usize = 10;
 /// Size of a frame and height of the title, pixels.
 const CELL: (u32, u32) = (126, 310);
-const HEAD: u32 = 76;
+const HEAD: u32 = 72;
+/// Height of the lines above and below the frames of a rollout, pixels.
+const LABEL: u32 = 28;
 const FOOT: u32 = 30;
-/// The camera looks from the robot's right, from this far ahead and above, rad.
+/// The camera looks from the right of where the robot goes, from this far ahead and above, rad.
 const AZIMUTH: f64 = 0.35;
 const ELEVATION: f64 = 0.2;
 /// Half width of the strip of ground that is drawn, and the distance of its marks, m.
@@ -27,53 +30,100 @@ const BONE: f64 = 0.022;
 const BONE_COLOUR: RGBColor = RGBColor(92, 99, 110);
 const TRUNK_COLOUR: RGBColor = RGBColor(190, 196, 204);
 
-/// Draws a gait cycle of `motion`, an episode of `robot`, or a second where there is none.
+/// Most rollouts that are shown, one below the other.
+pub const ROWS: usize = 6;
+
+/// Draws a gait cycle of each of the first [`ROWS`] of `motions`, episodes of `robot`, or a second of those that have none.
 ///
 /// # Errors
 /// [`ReportError::Draw`].
-pub fn draw(motion: &Motion, robot: &Robot) -> Result<Canvas, ReportError> {
-    let cycle = motion.cycle(robot);
-    let (from, to) = cycle.unwrap_or_else(|| motion.second());
-    let moment = |i: usize| motion.at(from + (to - from) * i as f64 / (FRAMES - 1) as f64);
-    let forward = heading(&moment(0).base);
-    let origin = motion.frames[0].base.translation.vector;
-    let height = robot.base_pose.translation.z + 0.85;
-    let scenes: Vec<Scene> = (0..FRAMES)
-        .map(|i| Scene::new(robot, moment(i), forward, origin, height))
+pub fn draw(motions: &[Motion], robot: &Robot) -> Result<Canvas, ReportError> {
+    let rows: Vec<Row> = motions
+        .iter()
+        .take(ROWS)
+        .map(|motion| Row::new(motion, robot))
         .collect();
-    let mut canvas = Canvas::new(CELL.0 * FRAMES as u32, HEAD + CELL.1 + FOOT);
+    let height = HEAD + rows.len() as u32 * (LABEL + CELL.1 + FOOT);
+    let mut canvas = Canvas::new(CELL.0 * FRAMES as u32, height);
     let columns = canvas.columns();
     let cell = (CELL.0 * OVERSAMPLING) as usize;
-    let top = (HEAD * OVERSAMPLING) as usize;
-    let rows = (CELL.1 * OVERSAMPLING) as usize;
-    let body = &mut canvas.samples()[3 * columns * top..3 * columns * (top + rows)];
-    body.par_chunks_exact_mut(3 * columns).enumerate().for_each(|(y, row)| {
-        for (x, sample) in row.chunks_exact_mut(3).enumerate() {
-            let colour = scenes[x / cell].colour((x % cell) as f64 + 0.5, y as f64 + 0.5);
-            sample.copy_from_slice(&colour);
-        }
-    });
+    for (r, row) in rows.iter().enumerate() {
+        let top = ((row_top(r) + LABEL) * OVERSAMPLING) as usize;
+        let lines = (CELL.1 * OVERSAMPLING) as usize;
+        let body = &mut canvas.samples()[3 * columns * top..3 * columns * (top + lines)];
+        body.par_chunks_exact_mut(3 * columns)
+            .enumerate()
+            .for_each(|(y, line)| {
+                for (x, sample) in line.chunks_exact_mut(3).enumerate() {
+                    let colour = row.scenes[x / cell].colour((x % cell) as f64 + 0.5, y as f64 + 0.5);
+                    sample.copy_from_slice(&colour);
+                }
+            });
+    }
     canvas.draw(|area| {
-        let (name, seconds) = (&robot.name, to - from);
-        let title = match cycle {
-            Some(_) => format!("A gait cycle of {name}, {seconds:.2} s"),
-            None => format!("No gait cycle: {seconds:.2} s of {name}"),
-        };
+        let title = format!("How {} walks", robot.name);
         write(area, &title, &text(24, INK), (px(12), px(8)))?;
-        let [x, y, turn] = moment(0).command;
-        let below = format!(
-            "at the command ({x:.2} m/s, {y:.2} m/s, {turn:.2} rad/s); marks on the ground every 10 cm; below, time and metres \
-             walked"
-        );
-        write(area, &below, &text(15, GREY), (px(12), px(46)))?;
-        for (i, scene) in scenes.iter().enumerate() {
-            let x = px(i as i32 * CELL.0 as i32);
-            let label = format!("{:.2} s  {:.2} m", moment(i).time - from, scene.walked);
-            write(area, &label, &text(15, INK), (x + px(8), px((HEAD + CELL.1 + 4) as i32)))?;
+        let below =
+            "even moments of a gait cycle; marks on the ground every 10 cm; below each moment time and metres walked";
+        write(area, below, &text(15, GREY), (px(12), px(42)))?;
+        for (r, row) in rows.iter().enumerate() {
+            let top = row_top(r);
+            write(area, &row.label, &text(17, INK), (px(12), px(top as i32 + 4)))?;
+            for (i, (scene, time)) in row.scenes.iter().zip(&row.times).enumerate() {
+                let x = px(i as i32 * CELL.0 as i32);
+                let label = format!("{time:.2} s  {:.2} m", scene.walked);
+                write(
+                    area,
+                    &label,
+                    &text(15, INK),
+                    (x + px(8), px((top + LABEL + CELL.1 + 4) as i32)),
+                )?;
+            }
         }
         Ok(())
     })?;
     Ok(canvas)
+}
+
+/// Where row `r` begins, pixels.
+fn row_top(r: usize) -> u32 {
+    HEAD + r as u32 * (LABEL + CELL.1 + FOOT)
+}
+
+/// A rollout's moments.
+struct Row {
+    label: String,
+    scenes: Vec<Scene>,
+    /// Since the first of them, s.
+    times: Vec<f64>,
+}
+
+impl Row {
+    fn new(motion: &Motion, robot: &Robot) -> Self {
+        let cycle = motion.cycle(robot);
+        let (from, to) = cycle.unwrap_or_else(|| motion.second());
+        let moments: Vec<&Frame> = (0..FRAMES)
+            .map(|i| motion.at(from + (to - from) * i as f64 / (FRAMES - 1) as f64))
+            .collect();
+        let [x, y, turn] = moments[0].command;
+        let ahead = heading(&moments[0].base);
+        // What goes sideways is seen from the front.
+        let sideways = y.abs() > x.abs();
+        let forward = if sideways { Vector3::z().cross(&ahead) } else { ahead };
+        let origin = motion.frames[0].base.translation.vector;
+        // With room for both arms, or for the feet ahead of the base.
+        let height = robot.base_pose.translation.z + if sideways { 1.25 } else { 0.85 };
+        let shift = if sideways { 0.0 } else { 0.085 };
+        let what = if cycle.is_some() { "a cycle" } else { "no gait cycle" };
+        Self {
+            label: format!("({x:.2} m/s, {y:.2} m/s, {turn:.2} rad/s): {what}, {:.2} s", to - from),
+            times: moments.iter().map(|moment| moment.time - from).collect(),
+            scenes: moments
+                .into_iter()
+                .map(|moment| Scene::new(robot, moment, forward, origin, (height, shift)))
+                .collect(),
+        }
+    }
 }
 
 /// A shape in the world.
@@ -101,7 +151,14 @@ struct Scene {
 }
 
 impl Scene {
-    fn new(robot: &Robot, frame: &Frame, forward: Vector3<f64>, origin: Vector3<f64>, height: f64) -> Self {
+    /// The frame is `height` high and its middle `shift` ahead of the base, m.
+    fn new(
+        robot: &Robot,
+        frame: &Frame,
+        forward: Vector3<f64>,
+        origin: Vector3<f64>,
+        (height, shift): (f64, f64),
+    ) -> Self {
         let left = Vector3::z().cross(&forward);
         let toward =
             (forward * AZIMUTH.sin() - left * AZIMUTH.cos()) * ELEVATION.cos() + Vector3::z() * ELEVATION.sin();
@@ -109,7 +166,7 @@ impl Scene {
         let up = toward.cross(&right);
         let sample = height / f64::from(CELL.1 * OVERSAMPLING);
         let base = frame.base.translation.vector;
-        let middle = Point3::new(base.x, base.y, 0.0) + forward * 0.085 + Vector3::z() * (height / 2.0 - 0.14);
+        let middle = Point3::new(base.x, base.y, 0.0) + forward * shift + Vector3::z() * (height / 2.0 - 0.14);
         let (w, h) = (f64::from(CELL.0 * OVERSAMPLING), f64::from(CELL.1 * OVERSAMPLING));
         Self {
             solids: solids(robot, frame),
