@@ -53,6 +53,13 @@ impl Reading {
         self.gyro = [truth.turn.x, truth.turn.y, truth.turn.z].map(|x| (x + add(noise.gyro)) as f32);
     }
 
+    /// Becomes `other`, without the allocations of a clone.
+    fn copy_from(&mut self, other: &Self) {
+        self.position.copy_from_slice(&other.position);
+        self.velocity.copy_from_slice(&other.velocity);
+        (self.attitude, self.gyro) = (other.attitude, other.gyro);
+    }
+
     /// `(1 - share) a + share b`.
     fn blend(&mut self, a: &Self, b: &Self, share: f32) {
         let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
@@ -109,7 +116,7 @@ impl History {
             .split_first_mut()
             .expect("a history holds at least two readings");
         fill(first);
-        rest.iter_mut().for_each(|reading| reading.clone_from(first));
+        rest.iter_mut().for_each(|reading| reading.copy_from(first));
     }
 
     /// Sets the latency, control steps, as far as the history reaches.

@@ -126,7 +126,7 @@ fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {
     say(format_args!(
         "{rate:.0} policy steps/s ({}; {} environments, networks {:?}, {passes} sample passes a step)\n\
          seconds per million steps: physics {:.1}, inference {:.1}, update {:.1}",
-        engine(settings),
+        settings.env.engine.kind.name(),
         settings.train.environments,
         settings.ppo.hidden,
         per_million(total.physics),
@@ -134,7 +134,7 @@ fn train(settings: &Settings, seconds: u32) -> miette::Result<Value> {
         per_million(total.update),
     ))?;
     Ok(json!({
-        "engine": engine(settings),
+        "engine": settings.env.engine.kind.name(),
         "environments": settings.train.environments,
         "physics_hz": settings.env.engine.physics_hz,
         "policy_steps_per_second": rate,
@@ -171,10 +171,6 @@ fn ppo(settings: &Settings, options: &Options, threads: usize) -> miette::Result
         "peak_gflops": result.peak_gflops,
         "batch": options.batch,
     }))
-}
-
-fn engine(settings: &Settings) -> String {
-    format!("{:?}", settings.env.engine.kind).to_lowercase()
 }
 
 /// Sorts `values` and returns the one in the middle.

@@ -26,7 +26,7 @@ use crate::report::evaluation::{Evaluation, Picture};
 use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
 use crate::terminal::say;
-use crate::train::checkpoint;
+use crate::train::{checkpoint, shape};
 use omniwalk_sim2real::log::LogError;
 
 /// Plays a policy's mode and measures how it walks.
@@ -53,9 +53,9 @@ pub struct Args {
         value_parser = ["forward", "falls", "tracking", "changes", "push", "all"],
     )]
     suite: Vec<String>,
-    /// Physics engine; policies are judged in rapier.
-    #[arg(long, value_parser = ["rapier", "lanes"], default_value = "rapier")]
-    engine: String,
+    /// Physics engine [default: rapier, in which policies are judged].
+    #[arg(long, value_parser = ["rapier", "lanes"])]
+    engine: Option<String>,
     /// Robot folder or URDF [default: the run's; for a policy file that of the defaults].
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
@@ -112,7 +112,8 @@ pub fn run(args: &Args) -> miette::Result<()> {
     let mut result = json!({
         "policy": args.run.display().to_string(),
         "steps": loaded.steps,
-        "engine": args.engine,
+        "engine": loaded.settings.env.engine.kind.name(),
+        "simd": shape::simd(&loaded.settings),
         "robot": loaded.robot.name,
         "seed": args.seed,
         "conditions": conditions(args.nominal),
@@ -140,7 +141,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         "{} after {} steps, {}, seed {}",
         args.run.display(),
         loaded.steps,
-        args.engine,
+        loaded.settings.env.engine.kind.name(),
         args.seed
     ))?;
     for suite in suites {
@@ -256,7 +257,7 @@ impl Loaded {
             conditions(args.nominal),
             suite.episodes,
             suite.seconds,
-            args.engine
+            self.settings.env.engine.kind.name()
         ))?;
         say(table::dashed(table::to_text(&rows).trim_end()))?;
         for file in files {
@@ -343,8 +344,7 @@ impl Loaded {
 
 /// What the arguments change of the configuration.
 fn changes(args: &Args) -> Vec<String> {
-    let mut changes = args.set.clone();
-    changes.push(format!("engine.kind={}", args.engine));
+    let mut changes = load::played(args.engine.as_deref(), &args.set);
     changes.extend(args.episodes.map(|n| format!("eval.episodes={n}")));
     changes.extend(args.seconds.map(|s| format!("eval.seconds={s:?}")));
     changes

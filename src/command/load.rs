@@ -31,6 +31,13 @@ pub fn settings(file: Option<&Path>, changes: &[String]) -> Result<(Settings, St
     layers.build()
 }
 
+/// The changes of `set` for a policy that is played: in `engine`, else in what `set` says, else in rapier, where policies are judged.
+pub fn played(engine: Option<&str>, set: &[String]) -> Vec<String> {
+    let kind = |engine: &str| format!("engine.kind={engine}");
+    let ahead = [kind("rapier")].into_iter();
+    ahead.chain(set.iter().cloned()).chain(engine.map(kind)).collect()
+}
+
 /// The robot at `path`.
 pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
     if path.is_relative() && !path.exists() {

@@ -29,9 +29,9 @@ pub struct Args {
     /// Robot folder or URDF [default: that of the defaults].
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Physics engine.
-    #[arg(long, value_parser = ["rapier", "lanes"], default_value = "rapier")]
-    engine: String,
+    /// Physics engine [default: rapier].
+    #[arg(long, value_parser = ["rapier", "lanes"])]
+    engine: Option<String>,
     /// Length, s.
     #[arg(long, value_name = "S", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=3600))]
     seconds: u32,
@@ -73,8 +73,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
             .wrap_err("standard input is no line to a robot")?;
         return brain::run(&load::policy(&args.policy)?, line);
     }
-    let mut changes = args.set.clone();
-    changes.push(format!("engine.kind={}", args.engine));
+    let changes = load::played(args.engine.as_deref(), &args.set);
     let deployed = Deployed::open(&args.policy, args.robot.as_deref(), &changes)?;
     let desired = match args.command.as_deref() {
         Some(&[x, y, turn]) if [x, y, turn].iter().all(|v| v.is_finite()) => [x, y, turn],
@@ -102,7 +101,9 @@ pub fn run(args: &Args) -> miette::Result<()> {
     let mut report = robot.run(f64::from(args.seconds), &stop, || controller.tend())?;
     drop(controller);
     say(format_args!("{}log: {}", report.text(), log.display()))?;
-    let text = serde_json::to_string_pretty(&report.json()).into_diagnostic()? + "\n";
+    let mut result = report.json();
+    result["engine"] = deployed.settings.env.engine.kind.name().into();
+    let text = serde_json::to_string_pretty(&result).into_diagnostic()? + "\n";
     args.json.as_ref().map_or(Ok(()), |file| {
         write_atomic(file, text.as_bytes())
             .into_diagnostic()

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
-use omniwalk_env::config::EngineKind;
 use omniwalk_env::robot::Robot;
 
 use super::load;
@@ -339,10 +338,7 @@ impl Session {
 fn background(args: &Args, settings: &Settings, run: &RunFolder, step: u64) -> miette::Result<Option<Background>> {
     let plan = args.crosscheck_every.map(|every| Plan {
         every,
-        engine: match settings.env.engine.kind {
-            EngineKind::Rapier => "rapier",
-            EngineKind::Lanes => "lanes",
-        },
+        engine: settings.env.engine.kind.name(),
         python: args.python.clone(),
     });
     plan.map(|plan| Background::new(run, plan, step)).transpose()

@@ -44,9 +44,9 @@ pub struct Args {
     /// Robot folder or URDF [default: the run's; else that of the defaults].
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Physics engine in which it is driven.
-    #[arg(long, value_parser = ["rapier", "lanes"], default_value = "rapier")]
-    engine: String,
+    /// Physics engine in which it is driven [default: rapier].
+    #[arg(long, value_parser = ["rapier", "lanes"])]
+    engine: Option<String>,
     /// Where to listen; addresses other than this machine's own let others look and, with the token, drive.
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = address, default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, 8040)))]
     listen: SocketAddr,
@@ -294,8 +294,7 @@ fn deploy(args: &Args, policy: Policy, robot: Option<&Path>) -> miette::Result<D
         "randomise.centre_of_mass=0.0",
     ];
     let mut changes: Vec<String> = nominal.map(str::to_owned).to_vec();
-    changes.push(format!("engine.kind={}", args.engine));
-    changes.extend_from_slice(&args.set);
+    changes.extend(load::played(args.engine.as_deref(), &args.set));
     Deployed::new(policy, &args.path, robot, &changes)
 }
 

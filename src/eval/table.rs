@@ -57,7 +57,7 @@ pub fn to_text(rows: &[Row]) -> String {
     );
     for row in rows {
         let v = [0, 1, 2].map(|k| row.mean(|e| e.tracking.map(|t| t.velocity[k])));
-        let foot = |i: usize| row.mean(|e| e.touchdowns_per_second.get(i).copied());
+        let foot = |i: usize| row.mean(|e| Some(e.touchdowns_per_second[i]));
         let command = format!("({:.2}, {:.2}, {:.2})", row.command[0], row.command[1], row.command[2]);
         let _ = writeln!(
             out,

@@ -113,6 +113,22 @@ fn all_suites_give_tables_figures_pictures_and_a_rollout() {
 }
 
 #[test]
+fn policies_are_judged_in_rapier_unless_another_engine_is_named_either_way() {
+    let folder = folder();
+    let played = |options: &[&str]| {
+        let short = ["eval", "run", "--episodes", "1", "--seconds", "0.5"];
+        succeeds(folder.path(), &[&short, options].concat());
+        let result = json(folder.path());
+        (result["engine"].clone(), result["simd"].clone())
+    };
+    assert_eq!(played(&[]), ("rapier".into(), Value::Null));
+    let lanes = ("lanes".into(), "scalar".into());
+    let narrow = ["--set", "simd=scalar"];
+    assert_eq!(played(&[&["--engine", "lanes"], &narrow[..]].concat()), lanes);
+    assert_eq!(played(&[&["--set", "engine=lanes"], &narrow[..]].concat()), lanes);
+}
+
+#[test]
 fn figures_do_not_depend_on_the_number_of_threads_but_on_the_seed() {
     for engine in ["rapier", "lanes"] {
         let figures = |threads: &str, seed: &str| {

@@ -24,6 +24,14 @@ pub enum EngineKind {
 impl EngineKind {
     /// Every engine.
     pub const ALL: [Self; 2] = [Self::Rapier, Self::Lanes];
+
+    /// As configurations write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rapier => "rapier",
+            Self::Lanes => "lanes",
+        }
+    }
 }
 
 /// Section `[engine]`.

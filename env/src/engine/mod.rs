@@ -56,8 +56,11 @@ pub struct Friction {
     pub rolling: f64,
 }
 
+/// No robot moves this fast, m/s or rad/s: a world that does is broken, in every engine.
+pub const MAX_SPEED: f64 = 1e4;
+
 /// The physical parameters of one world for one episode.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct World {
     /// Sole-ground friction.
     pub friction: Friction,
@@ -67,6 +70,23 @@ pub struct World {
     pub links: Vec<Inertial>,
     /// Passive dynamics of every joint, in the order of `Robot::joints`. `friction` here is not used: dry friction is in the [`Drive`].
     pub joints: Vec<Passive>,
+}
+
+impl Clone for World {
+    fn clone(&self) -> Self {
+        Self {
+            links: self.links.clone(),
+            joints: self.joints.clone(),
+            ..*self
+        }
+    }
+
+    /// Without an allocation between worlds of one robot: every episode begins with it.
+    fn clone_from(&mut self, other: &Self) {
+        (self.friction, self.gravity) = (other.friction, other.gravity);
+        self.links.clone_from(&other.links);
+        self.joints.clone_from(&other.joints);
+    }
 }
 
 impl World {
@@ -229,7 +249,7 @@ pub trait Engine: Send {
     /// Sets the external force on the base link's origin, world frame, N; it acts until it is set again or the world is reset.
     fn push(&mut self, world: usize, force: Vector3<f64>);
 
-    /// False once any coordinate or velocity of `world` is not finite (or beyond all physical bounds).
+    /// False once any coordinate of `world` is not finite or anything is faster than [`MAX_SPEED`].
     fn is_finite(&self, world: usize) -> bool;
 
     /// Appends everything that determines the future of `world` (state, parameters, warm starts) to `bytes`.

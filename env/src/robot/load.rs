@@ -187,6 +187,10 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
             "feet: {n}, and none of the reward's foot term, which is for two"
         ));
     }
+    if robot.base == Base::Floating && robot.feet.len() > 1 && robot.overlap_pairs.is_empty() {
+        let note = "no overlap_pairs: legs may pass through each other, as they collide with the ground only";
+        robot.notes.push(note.into());
+    }
     if robot.base == Base::Floating && robot.links[0].inertial.mass == 0.0 {
         let message = format!("the floating base link `{}` has no mass", robot.links[0].name);
         return Err(urdf.link_error(root, message, "give it an <inertial>, or set base = \"fixed\""));

@@ -54,8 +54,8 @@ pub struct Episode {
     pub desired: [f64; 3],
     /// How the robot walked.
     pub gait: Gait,
-    /// Touchdowns per second of each foot.
-    pub touchdowns_per_second: Vec<f64>,
+    /// Touchdowns per second of the first two feet; not a number where there is none.
+    pub touchdowns_per_second: [f64; 2],
     /// How well it held the command.
     pub tracking: Option<Tracking>,
     /// Mean magnitude of the policy joints' torques, N m.

@@ -75,10 +75,10 @@ pub struct Sole {
     pub roll: f64,
 }
 
-impl GaitMeter {
-    /// A meter for `feet` feet of a robot that weighs `weight` N.
-    pub fn new(feet: usize, weight: f64) -> Self {
-        let foot = FootMeter {
+impl FootMeter {
+    /// On the ground at `position`.
+    fn new(position: [f64; 2]) -> Self {
+        Self {
             contact: true,
             loaded: true,
             unloaded: 0.0,
@@ -88,12 +88,18 @@ impl GaitMeter {
             clearance: 0.0,
             slip: 0.0,
             loaded_time: 0.0,
-            position: [0.0; 2],
+            position,
             speed: 0.0,
-        };
+        }
+    }
+}
+
+impl GaitMeter {
+    /// A meter for `feet` feet of a robot that weighs `weight` N.
+    pub fn new(feet: usize, weight: f64) -> Self {
         Self {
             weight,
-            feet: vec![foot; feet],
+            feet: vec![FootMeter::new([0.0; 2]); feet],
             last_touchdown: None,
             counted: 0,
             alternating: 0,
@@ -116,10 +122,8 @@ impl GaitMeter {
             feet,
             ..Self::new(0, self.weight)
         };
-        let fresh = Self::new(1, self.weight).feet.remove(0);
         for (foot, sole) in self.feet.iter_mut().zip(soles) {
-            foot.clone_from(&fresh);
-            foot.position = [sole.centre[0], sole.centre[1]];
+            *foot = FootMeter::new([sole.centre[0], sole.centre[1]]);
         }
     }
 
@@ -214,12 +218,12 @@ impl GaitMeter {
         }
     }
 
-    /// Touchdowns per second of each foot.
-    pub fn touchdowns_per_second(&self) -> Vec<f64> {
-        self.feet
-            .iter()
-            .map(|foot| f64::from(foot.touchdowns) / self.time.max(1e-9))
-            .collect()
+    /// Touchdowns per second of the first two feet; not a number where there is none.
+    pub fn touchdowns_per_second(&self) -> [f64; 2] {
+        [0, 1].map(|i| {
+            let touchdowns = self.feet.get(i).map(|foot| f64::from(foot.touchdowns));
+            touchdowns.map_or(f64::NAN, |touchdowns| touchdowns / self.time.max(1e-9))
+        })
     }
 }
 

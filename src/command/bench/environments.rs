@@ -10,7 +10,7 @@ use omniwalk_env::batch::{Collect, Outcomes};
 use omniwalk_env::engine::Phase;
 use serde_json::{Value, json};
 
-use super::{engine, load, median};
+use super::{load, median};
 use crate::settings::Settings;
 use crate::terminal::say;
 use crate::train::shape;
@@ -82,7 +82,7 @@ pub fn bench(settings: &Settings, seconds: u32, threads: usize) -> miette::Resul
     }
     let worlds = bench.batch.environments();
     let result = json!({
-        "engine": engine(settings),
+        "engine": settings.env.engine.kind.name(),
         "simd": shape::simd(settings),
         "environments": worlds,
         "physics_hz": settings.env.engine.physics_hz,
@@ -190,19 +190,21 @@ fn print(result: &Value) -> miette::Result<()> {
     }
     let peak = number(&result["peak_gflops_per_thread"]);
     say(format_args!(
-        "us a physics step, operations, GFLOP/s a thread (peak {peak:.0}):"
+        "us a physics step, operations (counted in single precision), GFLOP/s a thread, of the peak of {peak:.0}:"
     ))?;
-    for phase in phases {
-        // In double precision and in rapier nothing is counted.
-        let counted = |key: &str, digits| phase[key].as_f64().map_or("-".into(), |x| format!("{x:.digits$}"));
-        say(format_args!(
-            "  {:18} {:6.3} {:>6} {:>6}",
-            phase["name"].as_str().unwrap_or_default(),
-            number(&phase["us"]),
-            counted("operations", 0),
-            counted("gflops_per_thread", 1)
-        ))?;
+    let line = |name: &str, us: f64, operations: Option<f64>| {
+        let counted = operations.map_or("     -      -     -".into(), |operations| {
+            let gflops = 1e-3 * operations / us;
+            format!("{operations:6.0} {gflops:6.1} {:3.0} %", 100.0 * gflops / peak)
+        });
+        say(format_args!("  {name:18} {us:6.3} {counted}"))
+    };
+    let sum = |key: &str| phases.iter().map(|phase| phase[key].as_f64()).sum::<Option<f64>>();
+    for phase in &phases {
+        let name = phase["name"].as_str().unwrap_or_default();
+        line(name, number(&phase["us"]), phase["operations"].as_f64())?;
     }
+    line("whole", sum("us").unwrap_or(f64::NAN), sum("operations"))?;
     Ok(())
 }
 

@@ -1,5 +1,7 @@
 //! One physics step of a group of worlds.
 
+use crate::engine::MAX_SPEED;
+
 use super::contact;
 use super::dynamics;
 use super::factor;
@@ -11,9 +13,6 @@ use super::vector::Vec3;
 use super::work::{
     CONTACT_SETUP, CONTACT_SWEEPS, FACTORISATION, FINISH, INWARD, JOINT_SETUP, JOINT_SWEEPS, OUTWARD, Timer, Work,
 };
-
-/// No robot moves this fast, m/s or rad/s: a world that does is broken.
-const SPEED_BOUND: f64 = 1e4;
 
 /// Semi-implicit Euler: velocities from the forces at the old positions (springs, dampers and constraints at the new
 /// ones), then positions from the new velocities.
@@ -96,5 +95,5 @@ fn integrate<L: Lane>(model: &Model<L>, group: &mut Group<L>, change: &[L]) {
 /// 1 where `v` is too fast or not a number, else `worst`.
 #[inline(always)]
 fn exceeding<L: Lane>(v: L, worst: L) -> L {
-    v.abs().select_lt(L::of(SPEED_BOUND), worst, L::of(1.0))
+    v.abs().select_lt(L::of(MAX_SPEED), worst, L::of(1.0))
 }

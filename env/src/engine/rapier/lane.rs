@@ -8,12 +8,7 @@ use super::convert;
 use super::drive::{Applied, Command, Memory};
 use super::inertia::{self, Turning};
 use super::scene::{self, Scene, State};
-use crate::engine::{BaseState, Friction, Start, World};
-
-/// Bounds of the physically possible: beyond them a world counts as not finite.
-const MAX_DISTANCE: f64 = 1e4;
-const MAX_SPEED: f64 = 1e3;
-const MAX_ANGULAR_SPEED: f64 = 1e4;
+use crate::engine::{BaseState, Friction, MAX_SPEED, Start, World};
 
 /// Gauss-Seidel sweeps per step. With 4 a walking robot's loaded soles slip a tenth more than with 20 and bounce a
 /// little at touchdown; only 4 and 20 were compared, and 10 lies between. Dry friction's rows start cold and need no more.
@@ -333,11 +328,11 @@ impl Lane {
         let joints = self
             .joints
             .iter()
-            .all(|j| j.position.abs() < MAX_DISTANCE && j.velocity.abs() < MAX_ANGULAR_SPEED && j.torque.is_finite());
+            .all(|j| j.position.is_finite() && j.velocity.abs() < MAX_SPEED && j.torque.is_finite());
         joints
-            && base.position.norm() < MAX_DISTANCE
-            && base.linear_velocity.norm() < MAX_SPEED
-            && base.angular_velocity.norm() < MAX_ANGULAR_SPEED
+            && base.position.norm().is_finite()
+            && base.linear_velocity.amax() < MAX_SPEED
+            && base.angular_velocity.amax() < MAX_SPEED
     }
 
     fn coordinate(&self, scene: &Scene, d: usize) -> JointNow {
