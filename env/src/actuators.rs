@@ -10,6 +10,9 @@ pub struct Actuators {
     worlds: usize,
     /// Where there is a motor, in any world.
     motors: Vec<Option<Actuator>>,
+    /// What motors have to give.
+    motor_limit: Vec<f64>,
+    /// The same, none where they are off.
     torque_limit: Vec<f64>,
     per_speed: Vec<f64>,
     drive: Drive,
@@ -47,6 +50,7 @@ impl Actuators {
         let mut actuators = Self {
             worlds,
             motors: (0..dofs).map(|d| robots[0].dof(d).actuator).collect(),
+            motor_limit: vec![0.0; dofs * worlds],
             torque_limit: vec![0.0; dofs * worlds],
             per_speed: vec![0.0; dofs * worlds],
             drive: Drive::idle(dofs, worlds),
@@ -70,7 +74,7 @@ impl Actuators {
         if let Some(motor) = joint.actuator {
             self.drive.stiffness[k] = motor.stiffness();
             self.drive.damping[k] = motor.kd;
-            self.torque_limit[k] = motor.torque_limit;
+            (self.motor_limit[k], self.torque_limit[k]) = (motor.torque_limit, motor.torque_limit);
             self.per_speed[k] = 1.0 / motor.speed_limit;
         }
         let own = robot.effects.iter().filter(|e| e.kind.runs() && e.target == d);
@@ -163,8 +167,8 @@ impl Actuators {
 
     /// Switches the motor of degree of freedom `d` in `world` on or off; where it is off, only passive torques act.
     pub fn set_power(&mut self, d: usize, world: usize, on: bool) {
-        let limit = self.motors[d].map_or(0.0, |motor| motor.torque_limit);
-        self.torque_limit[d * self.worlds + world] = if on { limit } else { 0.0 };
+        let k = d * self.worlds + world;
+        self.torque_limit[k] = if on { self.motor_limit[k] } else { 0.0 };
     }
 
     /// Sets a torque (N m or N) that acts on degree of freedom `d` in `world` from outside, whatever the motor does.
@@ -314,18 +318,42 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn torque_falls_to_zero_at_the_no_load_speed_in_the_direction_of_motion_only() {
+    /// A pendulum whose motor gives at most `torque_limit` N m.
+    fn robot(torque_limit: f64) -> Robot {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/pendulum");
         let mut robot = crate::robot::load(&folder).unwrap_or_else(|error| panic!("{error}"));
         robot.joints[0].actuator = Some(Actuator {
             kp: 1.0,
             kp_scale: 1.0,
             kd: 0.0,
-            torque_limit: 10.0,
+            torque_limit,
             speed_limit: 4.0,
         });
-        let mut actuators = Actuators::new(&robot, 0.005, 1);
+        robot
+    }
+
+    fn moving(speeds: &[f64]) -> JointState {
+        JointState {
+            position: vec![0.0; speeds.len()],
+            velocity: speeds.to_vec(),
+            torque: vec![0.0; speeds.len()],
+        }
+    }
+
+    #[test]
+    fn a_motor_that_is_switched_on_has_the_limit_of_its_own_robot() {
+        let robots = [10.0, 7.0].map(robot);
+        let mut actuators = Actuators::of(&robots.each_ref(), 0.005);
+        for on in [true, false, true] {
+            (0..2).for_each(|w| actuators.set_power(0, w, on));
+            let limits = if on { [10.0, 7.0] } else { [0.0; 2] };
+            assert_eq!(actuators.drive(&moving(&[0.0; 2])).torque_max, limits);
+        }
+    }
+
+    #[test]
+    fn torque_falls_to_zero_at_the_no_load_speed_in_the_direction_of_motion_only() {
+        let mut actuators = Actuators::new(&robot(10.0), 0.005, 1);
         // Speed, rad/s, and the torques that are left at it, N m.
         for (speed, lower, upper) in [
             (0.0, -10.0, 10.0),
@@ -336,12 +364,7 @@ mod tests {
             (-3.0, -2.5, 10.0),
             (-9.0, 0.0, 10.0),
         ] {
-            let state = JointState {
-                position: vec![0.0],
-                velocity: vec![speed],
-                torque: vec![0.0],
-            };
-            let drive = actuators.drive(&state);
+            let drive = actuators.drive(&moving(&[speed]));
             assert_eq!(
                 (drive.torque_min[0], drive.torque_max[0]),
                 (lower, upper),

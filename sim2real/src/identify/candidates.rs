@@ -197,19 +197,33 @@ const LADDER: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
 /// Starts that are followed for a step before the best is fitted.
 const FOLLOWED: usize = 3;
 
-/// Fits `model` with the candidate beside it, from the start that is best after a step; starts have the re-tuned values and the
-/// nominal ones beside them. What is on other joints is held: it is fitted again when the candidate is taken.
+/// Fits `model` with the candidate beside it, with the re-tuned values and with the nominal ones beside its starts: those bent to make up
+/// for what is missing, and from there the way to it is often uphill. What is on other joints is held: it is fitted again
+/// when the candidate is taken.
 pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Fit {
     let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
-    let with = |term: &Term| {
+    let with = |term: &Term, straight: bool| {
         let mut model = model.clone();
         model.put(term.clone());
         model.hold_others(robot, joint);
-        let mut straight = model.clone();
-        straight.straighten(joint);
-        [model, straight]
+        if straight {
+            model.straighten(joint);
+        }
+        model
     };
-    let mut starts: Vec<Model> = candidate.starts.iter().flat_map(with).collect();
+    let [bent, straight] = [false, true].map(|straight| {
+        let starts = candidate.starts.iter().map(|term| with(term, straight)).collect();
+        data.fit(&promising(data, starts, scales), scales, &|_| true)
+    });
+    if total(&straight.losses) < total(&bent.losses) {
+        straight
+    } else {
+        bent
+    }
+}
+
+/// The one of `starts` that is best, or leads to the best, after a step.
+fn promising(data: &Data, mut starts: Vec<Model>, scales: &Scales) -> Model {
     if starts.len() > 1 {
         let at_start = data.losses(&starts);
         let mut order: Vec<usize> = (0..starts.len()).collect();
@@ -228,5 +242,5 @@ pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, sca
         let best = (0..starts.len()).min_by(|&a, &b| total(&losses[a]).total_cmp(&total(&losses[b])));
         starts.swap(0, best.unwrap_or(0));
     }
-    data.fit(&starts[0], scales, &|_| true)
+    starts.swap_remove(0)
 }

@@ -13,6 +13,9 @@ const FOLDS: usize = 5;
 const MANY_LOGS: usize = 12;
 /// Dampings of the step to the fit without a fold that are tried: with five folds they fill the lanes.
 const DAMPINGS: [f64; 3] = [1e-3, 0.1, 10.0];
+/// A loss within this share of the least is as good: the strongest damping of those, as a step that gains the logs it is made from no
+/// more than that is theirs alone.
+const AS_GOOD: f64 = 0.01;
 /// Draws of a bootstrap.
 const DRAWS: u64 = 2000;
 
@@ -114,7 +117,7 @@ impl Folds {
 
     /// Loss of every block under the model fitted without it: one Gauss-Newton step from the fit to all blocks, which is
     /// where the fit to the others ends, to second order, and a rollout of that. Where the loss is far from a parabola, as it
-    /// is where joints stick, the step is damped as suits the others best.
+    /// is where joints stick, the step is damped as strongly as suits the others.
     pub fn cross(&self, data: &Data, fit: &Fit, scales: &Scales) -> Vec<Loss> {
         let (x, free) = (fit.model.get(scales), fit.model.free(scales));
         let without = |fold: usize| {
@@ -130,9 +133,9 @@ impl Folds {
                 let trained = (0..data.blocks).filter(|&b| self.trains(b, fold));
                 total(&trained.map(|b| losses[b]).collect::<Vec<_>>())
             };
-            own.iter()
-                .min_by(|a, b| others(a).total_cmp(&others(b)))
-                .unwrap_or(&own[0])
+            let least = own.iter().map(others).fold(f64::INFINITY, f64::min);
+            let good = own.iter().rfind(|losses| others(losses) <= (1.0 + AS_GOOD) * least);
+            good.unwrap_or(&own[0])
         };
         let best: Vec<&Vec<Loss>> = (0..self.count).map(best).collect();
         (0..data.blocks).map(|b| best[self.of_block[b]][b]).collect()

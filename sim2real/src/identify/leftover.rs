@@ -213,9 +213,9 @@ pub fn leftover(
     floor: &Floor,
 ) -> Result<Leftover, EngineError> {
     let model = &selection.last.model;
-    // Predictions of a model that is far off can be as bad as one likes: what is left is measured against its fit.
-    let refit = total(&selection.refit_cross).min(total(&selection.refit.losses));
-    let last = total(&selection.cross);
+    // Of the fits, not of predictions: where joints stick, those of blocks that were left out are as bad as one likes.
+    let refit = total(&selection.refit.losses);
+    let last = total(&selection.last.losses);
     let negligible = floor.negligible_squares(data);
     let floor = floor.squares(data);
     let fraction = ((last - floor) / (refit - floor).max(1e-12 * refit)).clamp(0.0, 1.0);

@@ -34,6 +34,7 @@ mod select;
 mod split;
 mod starts;
 mod state;
+mod supply;
 mod torque;
 mod trial;
 mod write;
@@ -54,10 +55,11 @@ use omniwalk_env::robot::{Base, Robot, RobotError};
 use crate::check::Check;
 use crate::recording::{Recording, RecordingError};
 use cross::Folds;
-use fit::Data;
+use fit::{Data, total};
 use leftover::{COARSE, Floor, TOO_COARSE};
 use model::{Model, Term};
-use select::{Selection, Selector};
+use own::Own;
+use select::{LESSER, Selection, Selector};
 use split::Split;
 
 /// Why nothing could be identified.
@@ -88,6 +90,8 @@ pub enum IdentifyError {
     },
 }
 
+/// A torque limit that is looked for below the nominal one begins at this share of it.
+const LOWER_LIMIT: f64 = 0.7;
 /// Physics steps a millisecond where one is too coarse.
 const FINER: usize = 4;
 
@@ -255,7 +259,7 @@ fn choose(
 ) -> Result<Choice, EngineError> {
     // Joints that are measured well count as much as those that are not: each in units of what the re-tuned model leaves.
     data.weights = leftover::weights(data, nominal);
-    let mut tuned = data.fit(nominal, scales, &|_| true).model;
+    let mut tuned = retuned(data, nominal, scales);
     data.fit_starts(&tuned)?;
     if data.is_free() {
         // A finer step is another model of contact too: what the step changes counts as the floor's.
@@ -273,6 +277,20 @@ fn choose(
     let rivals = choice.selection.rivals();
     tuned.tuned.clone_from(&choice.selection.refit.model.tuned);
     fine(robot, data, scales, folds, log, (&tuned, &found.terms, Some(&rivals)))
+}
+
+/// The nominal model re-tuned, from its values and with lower torque limits: a limit that the nominal robot does not reach has no
+/// slope that would lead to one that the real robot does.
+fn retuned(data: &Data, nominal: &Model, scales: &Scales) -> Model {
+    let from = |share: f64| {
+        let mut model = nominal.clone();
+        let limits = model.tuned.iter_mut().filter(|tuned| tuned.own == Own::TorqueLimit);
+        limits.for_each(|tuned| tuned.value *= share);
+        data.fit(&model, scales, &|_| true)
+    };
+    let [as_told, lower] = [from(1.0), from(LOWER_LIMIT)];
+    let better = total(&lower.losses) < (1.0 - LESSER) * total(&as_told.losses);
+    if better { lower.model } else { as_told.model }
 }
 
 /// Where steps begin: the re-tuned model, the effects it has already, and what may take their place.

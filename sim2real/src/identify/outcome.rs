@@ -16,6 +16,7 @@ use super::report::{Accepted, NoiseFloor, Outcome, Parameter, Rejected, Sets, Un
 use super::scales::Scales;
 use super::select::Selection;
 use super::split::Split;
+use super::supply;
 use super::trial::Trial;
 use crate::check::Check;
 
@@ -75,7 +76,8 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
     let (floor, source) = floor(&parts);
     let gap = |sets: &Sets| sets.heldout.overall() - floor;
     let gap_closed = (gap(&refit) > 0.0).then(|| 1.0 - gap(&last).max(0.0) / gap(&refit));
-    let alike: Vec<Vec<String>> = selection.alike.iter().map(|alike| set(robot, alike)).collect();
+    let mut alike: Vec<Vec<String>> = selection.alike.iter().map(|alike| set(robot, alike)).collect();
+    alike.extend(supply::sets(robot, &selection.last.model, parts.intervals));
     let in_set = |kind, target| selection.alike.iter().any(|a| a.chosen == (kind, target));
     let mut accepted = Vec::new();
     for (i, term) in selection.last.model.terms.iter().enumerate() {

@@ -38,6 +38,8 @@ const APART_SHARE: f64 = 0.01;
 const RIVAL: f64 = 0.25;
 /// Most effects.
 const MOST: usize = 8;
+/// Where a fit is so much of its loss above what it could be, it has ended in a lesser minimum.
+pub const LESSER: f64 = 0.02;
 /// Singles of which pairs are made.
 const PAIRED: usize = 5;
 /// Effects that are fitted in a step where there are many: those that may take most.
@@ -73,12 +75,8 @@ pub struct Alike {
 pub struct Selection {
     /// The nominal model re-tuned.
     pub refit: Fit,
-    /// Its cross-validated loss.
-    pub refit_cross: Vec<Loss>,
     /// The last model.
     pub last: Fit,
-    /// Its cross-validated loss.
-    pub cross: Vec<Loss>,
     /// Probability by chance of each effect's gain beside the others, in the order of the model's terms, corrected for the
     /// number of effects tried.
     pub p_values: Vec<f64>,
@@ -213,7 +211,8 @@ impl Selector<'_> {
             self.drop_needless(&mut steps);
             self.refine(&mut steps);
         }
-        // Everything else leans on when things happened.
+        // Everything else leans on when things happened. What was taken and proved needless once would be taken again.
+        let mut been = vec![terms(&steps.now.fit.model)];
         for stage in [Stage::Delays, Stage::All] {
             while steps.now.fit.model.terms.len() < MOST
                 && total(&steps.now.cross) > ABOVE_FLOOR * self.floor
@@ -222,6 +221,11 @@ impl Selector<'_> {
                 if !self.step(&mut steps, stage) {
                     break;
                 }
+                let here = terms(&steps.now.fit.model);
+                if been.contains(&here) {
+                    break;
+                }
+                been.push(here);
                 let names = steps.now.fit.model.terms.iter().map(|term| term.kind.id());
                 log(&format!(
                     "{:.6}: {}",
@@ -249,9 +253,7 @@ impl Selector<'_> {
         rejected.retain(|r| !now.fit.model.has(r.kind, r.target));
         Selection {
             refit: refit.fit,
-            refit_cross: refit.cross,
             last: now.fit,
-            cross: now.cross,
             p_values,
             rejected,
             alike,
@@ -326,15 +328,21 @@ impl Selector<'_> {
         total(&before.fit.losses) - total(&after.fit.losses) > BEYOND_CONTACT * made
     }
 
-    /// The fit with the terms of `model`, which may be known already.
+    /// The fit with the terms of `model`, which may be known already: from where it was fitted first, which may be a lesser
+    /// minimum than the values of `model` lead to.
     fn known(&self, steps: &mut Steps, model: &Model) -> Judged {
         let own = terms(model);
-        if let Some((_, judged)) = steps.known.iter().find(|(terms, _)| *terms == own) {
-            return judged.clone();
+        let Some(place) = steps.known.iter().position(|(terms, _)| *terms == own) else {
+            let judged = self.fit(model);
+            steps.known.push((own, judged.clone()));
+            return judged;
+        };
+        let known = &mut steps.known[place].1;
+        let here = total(&self.data.losses(std::slice::from_ref(model))[0]);
+        if here < (1.0 - LESSER) * total(&known.fit.losses) {
+            *known = self.fit(model);
         }
-        let judged = self.fit(model);
-        steps.known.push((own, judged.clone()));
-        judged
+        known.clone()
     }
 
     fn reason(&self, gain: &Gain, count: usize) -> String {
