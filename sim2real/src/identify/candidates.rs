@@ -199,7 +199,7 @@ const FOLLOWED: usize = 3;
 
 /// Fits `model` with the candidate beside it, with the re-tuned values and with the nominal ones beside its starts: those bent to make up
 /// for what is missing, and from there the way to it is often uphill. What is on other joints is held: it is fitted again
-/// when the candidate is taken.
+/// when the candidate is taken. Where the physics step is fine, fits get near with a rough one.
 pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Fit {
     let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
     let with = |term: &Term, straight: bool| {
@@ -211,14 +211,20 @@ pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, sca
         }
         model
     };
+    let rough = data.rough();
     let [bent, straight] = [false, true].map(|straight| {
         let starts = candidate.starts.iter().map(|term| with(term, straight)).collect();
-        data.fit(&promising(data, starts, scales), scales, &|_| true)
+        rough.fit(&promising(&rough, starts, scales), scales, &|_| true)
     });
-    if total(&straight.losses) < total(&bent.losses) {
+    let best = if total(&straight.losses) < total(&bent.losses) {
         straight
     } else {
         bent
+    };
+    if data.finer == rough.finer {
+        best
+    } else {
+        data.fit(&best.model, scales, &|_| true)
     }
 }
 

@@ -3,6 +3,8 @@
 //! Neither is the ground's. Where they differ by more than the encoder's noise, which is about touchdown, a stretch says nothing of
 //! the robot and is left out; what they differ by in the others is part of the floor, and no effect is named of which another ground would make half.
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 use omniwalk_env::engine::lanes::Lanes;
 use omniwalk_env::engine::rapier::Rapier;
@@ -75,10 +77,9 @@ fn slippery(trial: &Trial, robot: &Robot) -> Result<Vec<f64>, EngineError> {
 /// `data` as they would be if `model` lacked nothing and the ground were another: what an effect explains of them is no effect.
 pub fn elsewhere(data: &Data, model: &Model) -> Data {
     let mut there = data.clone();
-    there
-        .trials
+    Arc::make_mut(&mut there.trials)
         .par_iter_mut()
-        .zip(&data.robots)
+        .zip(&*data.robots)
         .for_each(|(trial, robot)| {
             let robot = model.robot(robot);
             let own = starts::perfect(trial, &robot, 1).and_then(|own| Ok((own, slippery(trial, &robot)?)));
@@ -177,7 +178,7 @@ fn is_agreed(trial: &Trial, robot: &Robot) -> Result<bool, EngineError> {
 /// # Errors
 /// When an engine does not take the robot.
 pub fn floor(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
-    let own: Vec<(&Trial, &Robot)> = data.trials.iter().zip(&data.robots).collect();
+    let own: Vec<(&Trial, &Robot)> = data.trials.iter().zip(&*data.robots).collect();
     let changes = own
         .par_iter()
         .map(|(trial, robot)| differences(trial, &model.robot(robot)));

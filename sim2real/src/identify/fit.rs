@@ -3,6 +3,8 @@
 //! Loss, gradient and curvature are kept by block of time, so that folds of a cross-validation and errors that respect
 //! autocorrelation come from the same rollouts. Sums have a fixed order: threads change no bit.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::Robot;
@@ -24,9 +26,9 @@ const CONVERGED: f64 = 5e-4;
 #[derive(Clone, Debug)]
 pub struct Data {
     /// Pieces of logs.
-    pub trials: Vec<Trial>,
+    pub trials: Arc<Vec<Trial>>,
     /// The nominal robot with the overrides of each trial's log.
-    pub robots: Vec<Robot>,
+    pub robots: Arc<Vec<Robot>>,
     /// One a degree of freedom: residuals are multiplied with it.
     pub weights: Vec<f64>,
     /// Index of the first block of each trial's log among those of all logs.
@@ -81,7 +83,7 @@ impl Data {
         let robots = trials
             .iter()
             .map(|trial| trial.robot(robot))
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<Vec<_>, _>>()?;
         let mut first_block = Vec::with_capacity(trials.len());
         let (mut first, mut blocks) = (0, 0);
         for (t, trial) in trials.iter().enumerate() {
@@ -94,8 +96,8 @@ impl Data {
             blocks = blocks.max(first + own);
         }
         Ok(Self {
-            trials,
-            robots,
+            trials: Arc::new(trials),
+            robots: Arc::new(robots),
             weights: vec![1.0; robot.dofs.len()],
             first_block,
             blocks,
@@ -113,7 +115,16 @@ impl Data {
         }
         let noise = starts::noise(&self.trials, self.weights.len());
         let robots: Vec<Robot> = self.robots.iter().map(|robot| model.robot(robot)).collect();
-        starts::fit(&mut self.trials, &robots, &noise, self.finer)
+        let trials: &mut Vec<Trial> = Arc::make_mut(&mut self.trials);
+        starts::fit(trials, &robots, &noise, self.finer)
+    }
+
+    /// The same at a physics step of a millisecond: fits that begin far off get near by it, where it is not the step they end with.
+    pub fn rough(&self) -> Self {
+        Self {
+            finer: 1,
+            ..self.clone()
+        }
     }
 
     /// Whether the base is not held.
@@ -260,13 +271,16 @@ impl Data {
     /// Gradient of `model`'s loss against readings as the simulation has them at half the physics step.
     pub fn pull_of_the_step(&self, model: &Model, scales: &Scales) -> DVector<f64> {
         let mut at = self.clone();
-        at.trials.par_iter_mut().zip(&self.robots).for_each(|(trial, robot)| {
-            let half = starts::perfect(trial, &model.robot(robot), 2 * self.finer);
-            let half = half.unwrap_or_else(|_| vec![f64::NAN; trial.readings.len()]);
-            for (reading, position) in trial.readings.iter_mut().zip(half) {
-                reading.position = position;
-            }
-        });
+        Arc::make_mut(&mut at.trials)
+            .par_iter_mut()
+            .zip(&*self.robots)
+            .for_each(|(trial, robot)| {
+                let half = starts::perfect(trial, &model.robot(robot), 2 * self.finer);
+                let half = half.unwrap_or_else(|_| vec![f64::NAN; trial.readings.len()]);
+                for (reading, position) in trial.readings.iter_mut().zip(half) {
+                    reading.position = position;
+                }
+            });
         let (_, slopes) = at.slopes(model, scales);
         sum(&slopes, &|_| true, model.get(scales).len()).0
     }

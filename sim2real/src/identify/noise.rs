@@ -113,7 +113,7 @@ fn quantum(values: &mut Vec<f64>) -> f64 {
 pub fn discretisation(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
     let dofs = data.weights.len();
     let (mut squares, mut count) = (vec![0.0; dofs], vec![0.0_f64; dofs]);
-    for (trial, robot) in data.trials.iter().zip(&data.robots) {
+    for (trial, robot) in data.trials.iter().zip(&*data.robots) {
         let robot = [model.robot(robot)];
         let (coarse, fine) = (
             predict(trial, &robot, data.finer)?,

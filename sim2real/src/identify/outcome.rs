@@ -139,7 +139,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
             .iter()
             .map(|left| (robot.dof(left.dof).name.clone(), left.moments.clone()))
             .collect(),
-        trials: [data.trials.clone(), heldout],
+        trials: [data.trials.to_vec(), heldout],
     })
 }
 

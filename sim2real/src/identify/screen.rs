@@ -149,6 +149,8 @@ fn without(products: &DMatrix<f64>, tuned: usize) -> (DMatrix<f64>, DMatrix<f64>
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use omniwalk_env::effect::{Effect, Kind, apply};
     use omniwalk_env::robot::load;
 
@@ -199,7 +201,7 @@ mod tests {
             let trials = Trial::cut(&robot, &recording, 0, (0.0, f64::INFINITY), 0.5).expect("trials");
             let mut data = Data::new(&robot, trials).expect("data");
             let scales = Scales::new(&robot, &data.trials);
-            for trial in &mut data.trials {
+            for trial in Arc::make_mut(&mut data.trials) {
                 let told = rollout::predict(trial, std::slice::from_ref(&truth), 1).expect("a rollout");
                 trial
                     .readings

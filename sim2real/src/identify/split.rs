@@ -1,6 +1,7 @@
 //! What is fitted to, what is held out, and whether the logs can carry an answer at all.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use omniwalk_env::robot::{Base, Robot};
 
@@ -73,11 +74,13 @@ pub fn agreed(robot: &Robot, trials: Vec<Trial>) -> Result<Vec<Trial>, super::Id
     }
     let mut data = Data::new(robot, trials)?;
     data.fit_starts(&Model::default())?;
-    contact::keep_agreed(&mut data.trials, &data.robots)?;
-    let mut data = Data::new(robot, data.trials)?;
-    contact::keep_usual(&mut data.trials, &data.robots)?;
-    renumber(&mut data.trials);
-    Ok(data.trials)
+    let mut trials = Arc::unwrap_or_clone(data.trials);
+    contact::keep_agreed(&mut trials, &data.robots)?;
+    let data = Data::new(robot, trials)?;
+    let mut trials = Arc::unwrap_or_clone(data.trials);
+    contact::keep_usual(&mut trials, &data.robots)?;
+    renumber(&mut trials);
+    Ok(trials)
 }
 
 /// All of `logs`.
