@@ -9,7 +9,6 @@ place.
 """
 
 import argparse
-import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -40,7 +39,7 @@ CONDITIONS = {
     "friction": ("", (0.2, 0.3, 0.4, 0.6, 0.8, 1.0), fixed("friction.tangential")),
     "payload": ("kg", (0, 1, 2, 3), None),
     "noise": ("times", (1, 10, 30, 100), noise),
-    "motors": ("of their torque", (1.0, 0.8, 0.6, 0.5, 0.4), None),
+    "motors": ("of their supply", (1.0, 0.9, 0.8, 0.7, 0.6, 0.5), None),
 }
 
 
@@ -57,10 +56,9 @@ def with_payload(robot: Path, mass: float) -> None:
 
 
 def with_weak_motors(robot: Path, share: float) -> None:
-    """Every torque limit times `share`."""
-    file = robot / "robot.toml"
-    weaker = re.sub(r"(?m)^torque_limit = ([\d.]+)", lambda m: f"torque_limit = {share * float(m[1]):g}", file.read_text())
-    file.write_text(weaker)
+    """Every motor at `share` of its nominal voltage, which the controller does not know of: so much of its torque, speed and stiffness."""
+    with (robot / "robot.toml").open("a") as file:
+        file.write(f'\n[[effect]]\nid = "supply_voltage"\nmatch = ["*"]\nactual = {share}\nnominal = 1.0\n')
 
 
 CHANGES = {"payload": with_payload, "motors": with_weak_motors}
