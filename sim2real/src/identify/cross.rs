@@ -11,7 +11,7 @@ use super::scales::Scales;
 const FOLDS: usize = 5;
 /// Logs from which on folds are made of logs, and whole logs are drawn in the bootstrap.
 const MANY_LOGS: usize = 12;
-/// Dampings of the step to the fit without a fold that are tried: with five folds they fill the lanes.
+/// Dampings of the step to the fit without a fold that are tried, the strongest last: with five folds they fill the lanes.
 const DAMPINGS: [f64; 3] = [1e-3, 0.1, 10.0];
 /// A loss within this share of the least is as good: the strongest damping of those, as a step that gains the logs it is made from no
 /// more than that is theirs alone.

@@ -122,6 +122,16 @@ fn delays_of_command_and_reading_are_named_together() {
 }
 
 #[test]
+fn a_low_supply_is_named_with_what_it_scales() {
+    let truth = rig(&[(Kind::SupplyVoltage, &[0.7, 1.0])]);
+    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let named = named(&outcome);
+    assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
+    assert_eq!(outcome.indistinguishable.len(), 1, "{named:?}");
+    assert_eq!(named[..2], ["supply_voltage", "kp_scale of hinge"]);
+}
+
+#[test]
 fn held_out_logs_change_nothing_but_the_report() {
     let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4])]);
     let with = |held| {
