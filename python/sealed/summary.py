@@ -54,6 +54,11 @@ class Outcome:
         ]
         return self.named() and not beside and self.verdict != "unexplained"
 
+    def led(self) -> bool:
+        """Whether the first variable of what is left is a right one, of the right joint where it says of which."""
+        variable, _, joint = (self.report.get("unexplained", {}).get("depends_on") or [""])[0].partition(" of ")
+        return variable in self.leading and joint in ("", *(effect["joint"] for effect in self.effects))
+
     def heldout(self, which: str) -> float:
         """Root mean square error of joint positions on held-out logs, rad."""
         value = self.report.get(which, {}).get("heldout", {}).get("rmse", {}).get("overall")
@@ -137,8 +142,7 @@ def _targets(outcomes: list[Outcome]) -> str:
     led = [
         outcome
         for outcome in outside
-        if outcome.verdict == "unexplained"
-        and (outcome.report.get("unexplained", {}).get("depends_on") or [""])[0] in outcome.leading
+        if outcome.verdict == "unexplained" and outcome.led()
     ]
     closed = lambda cases: [share for share in (case.gap_closed() for case in cases) if not math.isnan(share)]
     inside_closed, outside_closed = closed(single + pair), closed(outside)

@@ -1,12 +1,13 @@
-"""Tabulates what DeepWalk's evaluation says of the default's seeds: python3 -m studies.seeds (in `python/`)
+"""Tabulates what DeepWalk's evaluation says of the default's seeds, or of other runs: python3 -m studies.seeds [FOLDER...] (in `python/`)
 
-Reads the results in `runs/nimbro_op2x_omni/seed-*`, which `runs/nimbro_op2x_omni/make.sh` writes; nothing but Python's
+Reads the eval.json of each folder; of `runs/nimbro_op2x_omni/seed-*`, which `runs/nimbro_op2x_omni/make.sh` writes, without any. Nothing but Python's
 standard library. Errors are means over the ten commands of the suite `falls`, gait the worst of those that move.
 """
 
 import json
 import math
 import statistics
+import sys
 from pathlib import Path
 
 from studies.common import GAIT, ROOT
@@ -57,9 +58,7 @@ def conditions(result: dict, name: str) -> list[str]:
 def main() -> None:
     print("| seed | conditions | falls | changes survived | error m/s, rad/s | push goals reached | gait: alternating, touchdowns, slip |")
     print("|---|---|---|---|---|---|---|")
-    for folder in sorted(RUNS.glob("seed-*")):
-        if not (folder / "eval.json").exists():
-            continue
+    for folder in [Path(given) for given in sys.argv[1:]] or sorted(RUNS.glob("seed-*")):
         result = json.loads((folder / "eval.json").read_text())
         for name in ("randomised", "nominal"):
             print("| " + " | ".join([folder.name.removeprefix("seed-"), name, *conditions(result, name)]) + " |")

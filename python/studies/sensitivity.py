@@ -3,7 +3,7 @@
     cd python; python3 -m studies.sensitivity ../target/omni/seed-1 ../runs/nimbro_op2x_omni
 
 Judges the run in rapier, two sequences of 30 s for each of the ten commands, everything else randomised as in the suites;
-writes sensitivity.csv and sensitivity.svg into the second folder and goes on where it was stopped. Needs
+writes sensitivity.csv and sensitivity.svg into the second folder, prints the table, and goes on where it was stopped. Needs
 `cargo build --release`; nothing but Python's standard library. Payload and weak motors are copies of the robot folder in a temporary
 place.
 """
@@ -17,6 +17,9 @@ from studies.common import ROOT, append, falls_suite, rows, svg
 
 ROBOT = ROOT / "robots" / "nimbro_op2x"
 JUDGED_WITH_SEED = "6000"
+WORST = 0.3
+"""Top of the picture's errors, m/s."""
+WIDTH = 1180
 
 
 def fixed(*keys: str):
@@ -38,8 +41,8 @@ CONDITIONS = {
     "latency": ("ms", (0, 10, 20, 30, 40, 50, 60), latency),
     "friction": ("", (0.2, 0.3, 0.4, 0.6, 0.8, 1.0), fixed("friction.tangential")),
     "payload": ("kg", (0, 1, 2, 3), None),
-    "noise": ("times", (1, 10, 30, 100), noise),
-    "motors": ("of their supply", (1.0, 0.9, 0.8, 0.7, 0.6, 0.5), None),
+    "noise": ("times the thesis's", (1, 10, 30, 100), noise),
+    "motors": ("of their supply voltage", (1.0, 0.9, 0.8, 0.7, 0.6, 0.5), None),
 }
 
 
@@ -78,8 +81,12 @@ def judge(run: Path, name: str, value: float) -> dict:
 
 
 def picture(table: list[dict]) -> str:
-    """A panel a condition: survival (line) and velocity error (dashed, full height 0.3 m/s)."""
+    """A panel a condition: survival (line) and velocity error (dashed)."""
     width, height, parts = 190, 150, []
+    for share in (0.0, 0.5, 1.0):
+        y = 20 + height * (1 - share)
+        parts.append(f'<text x="34" y="{y + 4:g}" text-anchor="end" fill="#1f497d">{share:g}</text>')
+        parts.append(f'<text x="{WIDTH - 46}" y="{y + 4:g}" fill="#c0504d">{WORST * share:g}</text>')
     for k, (name, (unit, values, _)) in enumerate(CONDITIONS.items()):
         left, found = 40 + k * (width + 30), [row for row in table if row["condition"] == name]
         low, high = min(values), max(values)
@@ -88,7 +95,7 @@ def picture(table: list[dict]) -> str:
             x = left + width * (float(row["value"]) - low) / (high - low)
             points["survival"].append((x, 1 - int(row["falls"]) / int(row["sequences"])))
             if row["error_xy_mps"] != "":
-                points["error"].append((x, min(float(row["error_xy_mps"]) / 0.3, 1.0)))
+                points["error"].append((x, min(float(row["error_xy_mps"]) / WORST, 1.0)))
         parts.append(f'<rect x="{left}" y="20" width="{width}" height="{height}" fill="none" stroke="#888"/>')
         parts.append(f'<text x="{left}" y="14">{name} {unit}</text>')
         for x, label in ((left, low), (left + width, high)):
@@ -96,8 +103,25 @@ def picture(table: list[dict]) -> str:
         for style, line in (("#1f497d", points["survival"]), ('#c0504d" stroke-dasharray="4 3', points["error"])):
             path = " ".join(f"{x:.1f},{20 + height * (1 - y):.1f}" for x, y in line)
             parts.append(f'<polyline points="{path}" fill="none" stroke-width="2" stroke="{style}"/>')
-    parts.append(f'<text x="40" y="{height + 56}">line: share that does not fall; dashed: velocity error, top 0.3 m/s</text>')
-    return svg(40 + len(CONDITIONS) * (width + 30), height + 66, parts)
+    parts.append(f'<text x="40" y="{height + 56}">line: share that does not fall; dashed: velocity error, m/s</text>')
+    return svg(WIDTH, height + 66, parts)
+
+
+def markdown(table: list[dict]) -> str:
+    """The table in Markdown."""
+    lines = [
+        "| condition | value | falls of 20 | error m/s | error rad/s | alternating, worst | touchdowns/s, largest | slip m/s, worst |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in table:
+        errors, (alternating, taps, slip) = [row[key] for key in ("error_xy_mps", "error_yaw_radps")], [
+            float(row[key]) for key in ("alternation", "touchdowns_per_second", "slip_mps")
+        ]
+        errors = " | ".join(f"{float(error):.3f}" if error else "-" for error in errors)
+        named = f"{row['condition']} {CONDITIONS[row['condition']][0]}".strip()
+        gait = f"{100 * alternating:.0f} % | {taps:.1f} | {slip:.2f}"
+        lines.append(f"| {named} | {float(row['value']):g} | {row['falls']} | {errors} | {gait} |")
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -111,6 +135,7 @@ def main() -> None:
         for value in values:
             if not any(row["condition"] == name and float(row["value"]) == value for row in rows(table)):
                 append(table, judge(arguments.run.resolve(), name, value))
+    print(markdown(rows(table)))
     (arguments.out / "sensitivity.svg").write_text(picture(rows(table)))
 
 

@@ -111,3 +111,14 @@ def test_the_fixed_list_is_a_hundred_cases_of_which_a_quarter_is_healthy():
     healthy = [KINDS[seed % len(KINDS)] for _, seed in cases.FIXED].count("none")
     assert healthy / len(cases.FIXED) >= 0.25
     assert not set(cases.FIXED) & set(cases.REHEARSAL)
+
+
+@pytest.mark.parametrize(
+    ("first", "right"), [("position", True), ("position of hinge", True), ("position of other", False), ("torque", False)]
+)
+def test_a_leading_variable_is_right_where_it_is_of_the_right_joint(first, right):
+    outcome = summary.Outcome(
+        *("leg-0001", "outside", [{"name": "cable_spring", "joint": "hinge"}], ["position"], 0.001),
+        report={"verdict": "unexplained", "unexplained": {"depends_on": [first, "time"]}},
+    )
+    assert outcome.led() == right
