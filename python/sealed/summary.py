@@ -139,11 +139,7 @@ def _targets(outcomes: list[Outcome]) -> str:
     of = lambda *kinds: [outcome for outcome in outcomes if outcome.kind in kinds]
     none, single, pair, outside = of("none"), of("single"), of("pair"), of("outside")
     held = [row[4] for outcome in outcomes for row in parameters(outcome) if row[4] is not None]
-    led = [
-        outcome
-        for outcome in outside
-        if outcome.verdict == "unexplained" and outcome.led()
-    ]
+    led = [outcome for outcome in outside if outcome.verdict == "unexplained" and outcome.led()]
     closed = lambda cases: [share for share in (case.gap_closed() for case in cases) if not math.isnan(share)]
     inside_closed, outside_closed = closed(single + pair), closed(outside)
     median_of = lambda shares: f"median {100 * median(shares):.0f} %" if shares else "no cases"

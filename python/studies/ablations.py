@@ -26,6 +26,8 @@ RUNS = ROOT / "target" / "ablations"
 STEPS = 6_000_000
 SEEDS = (1, 2, 3)
 JUDGED_WITH_SEED = "4000"
+WORST = 0.4
+"""Right edge of the picture's errors, m/s: about what standing is off by."""
 
 FULL = RESULTS.with_name("full")
 CLOSEST = 3
@@ -38,9 +40,6 @@ BLOCKS = [
     "velocity_inertial", "velocity_base", "desired_velocity", "commanded_velocity",
 ]
 """The observation of the thesis (7.3.1)."""
-
-WORST = 0.4
-"""Right edge of the picture's errors, m/s: about what standing is off by."""
 
 TARGET, ERROR = "previous_target", "tracking_error"
 """What the default observes beyond it."""

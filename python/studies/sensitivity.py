@@ -19,7 +19,6 @@ ROBOT = ROOT / "robots" / "nimbro_op2x"
 JUDGED_WITH_SEED = "6000"
 WORST = 0.3
 """Top of the picture's errors, m/s."""
-WIDTH = 1180
 
 
 def fixed(*keys: str):
@@ -83,10 +82,11 @@ def judge(run: Path, name: str, value: float) -> dict:
 def picture(table: list[dict]) -> str:
     """A panel a condition: survival (line) and velocity error (dashed)."""
     width, height, parts = 190, 150, []
+    across = 80 + len(CONDITIONS) * (width + 30)
     for share in (0.0, 0.5, 1.0):
         y = 20 + height * (1 - share)
         parts.append(f'<text x="34" y="{y + 4:g}" text-anchor="end" fill="#1f497d">{share:g}</text>')
-        parts.append(f'<text x="{WIDTH - 46}" y="{y + 4:g}" fill="#c0504d">{WORST * share:g}</text>')
+        parts.append(f'<text x="{across - 46}" y="{y + 4:g}" fill="#c0504d">{WORST * share:g}</text>')
     for k, (name, (unit, values, _)) in enumerate(CONDITIONS.items()):
         left, found = 40 + k * (width + 30), [row for row in table if row["condition"] == name]
         low, high = min(values), max(values)
@@ -104,7 +104,7 @@ def picture(table: list[dict]) -> str:
             path = " ".join(f"{x:.1f},{20 + height * (1 - y):.1f}" for x, y in line)
             parts.append(f'<polyline points="{path}" fill="none" stroke-width="2" stroke="{style}"/>')
     parts.append(f'<text x="40" y="{height + 56}">line: share that does not fall; dashed: velocity error, m/s</text>')
-    return svg(WIDTH, height + 66, parts)
+    return svg(across, height + 66, parts)
 
 
 def markdown(table: list[dict]) -> str:
@@ -114,9 +114,8 @@ def markdown(table: list[dict]) -> str:
         "|---|---|---|---|---|---|---|---|",
     ]
     for row in table:
-        errors, (alternating, taps, slip) = [row[key] for key in ("error_xy_mps", "error_yaw_radps")], [
-            float(row[key]) for key in ("alternation", "touchdowns_per_second", "slip_mps")
-        ]
+        alternating, taps, slip = (float(row[key]) for key in ("alternation", "touchdowns_per_second", "slip_mps"))
+        errors = (row[key] for key in ("error_xy_mps", "error_yaw_radps"))
         errors = " | ".join(f"{float(error):.3f}" if error else "-" for error in errors)
         named = f"{row['condition']} {CONDITIONS[row['condition']][0]}".strip()
         gait = f"{100 * alternating:.0f} % | {taps:.1f} | {slip:.2f}"
