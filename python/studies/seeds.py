@@ -1,9 +1,11 @@
 """Tabulates what DeepWalk's evaluation says of the default's seeds, or of other runs: python3 -m studies.seeds [FOLDER...] (in `python/`)
 
 Reads the eval.json of each folder; of `runs/nimbro_op2x_omni/seed-*`, which `runs/nimbro_op2x_omni/make.sh` writes, without any. Nothing but Python's
-standard library. Errors are means over the ten commands of the suite `falls`, gait the worst of those that move.
+standard library. Errors are means over the ten commands of the suite `falls`, gait the worst of those that move. A second table has the means
+over what else was played: figure 7.8's commands, the grid's cells (whose largest components are listed apart), the random changes.
 """
 
+import itertools
 import json
 import math
 import statistics
@@ -55,13 +57,59 @@ def conditions(result: dict, name: str) -> list[str]:
     return cells
 
 
+def off(rows: list[dict]) -> str:
+    """The mean errors of velocity and turn rate over rows, m/s and rad/s."""
+    return ", ".join(f"{statistics.mean(row[key] for row in rows):.3f}" for key in ("error_xy_mps", "error_yaw_radps"))
+
+
+def cells(grid: dict) -> list[dict]:
+    """The grid's cells as rows, each with its command."""
+    axes = [list(enumerate(grid[axis])) for axis in ("omega_z", "v_y", "v_x")]
+    return [
+        {"command": (x, y, turn), **{key: values[k][j][i] for key, values in grid["cells"].items()}}
+        for (k, turn), (j, y), (i, x) in itertools.product(*axes)
+    ]
+
+
+def at_the_limit(cell: dict, grid: dict) -> int:
+    """Along how many axes a cell's command is the grid's largest."""
+    return sum(abs(value) == max(grid[axis]) for value, axis in zip(cell["command"], ("v_x", "v_y", "omega_z"), strict=True))
+
+
+def others(result: dict, name: str) -> list[tuple[str, str, str]]:
+    """Beside `falls`: what was played, its mean errors, how often it fell or failed."""
+    tracking, changes = ((result.get(suite) or {}) for suite in ("tracking", "changes"))
+    if name == "nominal":
+        tracking, changes = tracking.get("nominal", {}), changes.get("nominal", {})
+    found = []
+    if tracking:
+        rows, grid = tracking["rows"], tracking["grid"]
+        sequences = sum(row["episodes"] for row in rows)
+        found.append((f"figure 7.8's {len(rows)} commands", off(rows), f"{sum(row['falls'] for row in rows)} of {sequences}"))
+        far = [cell for cell in cells(grid) if at_the_limit(cell, grid) >= 2]
+        near = [cell for cell in cells(grid) if at_the_limit(cell, grid) < 2]
+        for what, part in (("grid", far + near), ("of these the largest along two or three axes", far), ("the others", near)):
+            fallen = f"{sum(row['falls'] for row in part):.0f} of {len(part) * grid['episodes']}"
+            found.append((f"{what}, {len(part)} commands", off(part), fallen))
+    if changes:
+        found.append(("random changes", off([changes]), f"{changes['total'] - changes['survived']} of {changes['total']}"))
+    return found
+
+
 def main() -> None:
+    runs = [Path(given) for given in sys.argv[1:]] or sorted(RUNS.glob("seed-*"))
+    results = [(run.name.removeprefix("seed-"), json.loads((run / "eval.json").read_text())) for run in runs]
     print("| seed | conditions | falls | changes survived | error m/s, rad/s | push goals reached | gait: alternating, touchdowns, slip |")
     print("|---|---|---|---|---|---|---|")
-    for folder in [Path(given) for given in sys.argv[1:]] or sorted(RUNS.glob("seed-*")):
-        result = json.loads((folder / "eval.json").read_text())
+    for seed, result in results:
         for name in ("randomised", "nominal"):
-            print("| " + " | ".join([folder.name.removeprefix("seed-"), name, *conditions(result, name)]) + " |")
+            print("| " + " | ".join([seed, name, *conditions(result, name)]) + " |")
+    print("\n| seed | conditions | mean over | error m/s, rad/s | falls or failures |")
+    print("|---|---|---|---|---|")
+    for seed, result in results:
+        for name in ("randomised", "nominal"):
+            for row in others(result, name):
+                print("| " + " | ".join([seed, name, *row]) + " |")
 
 
 if __name__ == "__main__":
