@@ -175,23 +175,11 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
         log(&format!("these logs cannot tell {untold}"));
     }
     let Choice { selection, floor } = choose(robot, &mut data, &nominal, &scales, &folds, log)?;
-    let all_at_once = task.compare.then(|| {
-        let ripples = |model: &Model| leftover::ripples(&data, model, &scales);
-        Selector {
-            robot,
-            data: &data,
-            scales: &scales,
-            folds: &folds,
-            floor: floor.squares(&data),
-            negligible: floor.negligible_squares(&data),
-            rivals: None,
-            ripples: &ripples,
-            coarse: &|_| false,
-        }
-        .all_at_once(&selection.refit.model)
-    });
+    let selector = Selector::new(robot, &data, &scales, &folds, &floor);
+    let all_at_once = task.compare.then(|| selector.all_at_once(&selection.refit.model));
     let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
     let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
+    let supplies = supply::sets(&selector, &selection.last, &intervals);
     // The last choice is made: what was held out may be opened.
     let heldout = match task.heldout {
         Some(open) => split::all(robot, &open()?)?,
@@ -213,6 +201,7 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
             selection: &selection,
             left: &left,
             intervals: &intervals,
+            supplies: &supplies,
             all_at_once: all_at_once.as_ref(),
             split: &split,
             check: &check,
@@ -332,21 +321,9 @@ fn steps(
         floor.root(),
         data.finer
     ));
-    let ripples = |model: &Model| leftover::ripples(data, model, scales);
-    // An engine that simulated all of them before does so now.
-    let coarse = |model: &Model| {
-        data.finer == 1 && !data.is_free() && leftover::is_coarse(data, model, TOO_COARSE).unwrap_or(false)
-    };
     let selector = Selector {
-        robot,
-        data,
-        scales,
-        folds,
-        floor: floor.squares(data),
-        negligible: floor.negligible_squares(data),
         rivals,
-        ripples: &ripples,
-        coarse: &coarse,
+        ..Selector::new(robot, data, scales, folds, &floor)
     };
     let selection = selector.run(tuned, terms, log);
     Ok(Choice { selection, floor })

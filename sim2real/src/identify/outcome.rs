@@ -16,7 +16,6 @@ use super::report::{Accepted, NoiseFloor, Outcome, Parameter, Rejected, Sets, Un
 use super::scales::Scales;
 use super::select::Selection;
 use super::split::Split;
-use super::supply;
 use super::trial::Trial;
 use crate::check::Check;
 
@@ -40,6 +39,8 @@ pub struct Parts<'a> {
     pub left: &'a Leftover,
     /// Half widths of the last fit's intervals.
     pub intervals: &'a [f64],
+    /// Sets of re-tuned numbers with the supply that would do the same.
+    pub supplies: &'a [Vec<String>],
     /// Every effect at once, where that was asked for.
     pub all_at_once: Option<&'a Model>,
     /// What was set aside.
@@ -77,7 +78,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
     let gap = |sets: &Sets| sets.heldout.overall() - floor;
     let gap_closed = (gap(&refit) > 0.0).then(|| 1.0 - gap(&last).max(0.0) / gap(&refit));
     let mut alike: Vec<Vec<String>> = selection.alike.iter().map(|alike| set(robot, alike)).collect();
-    alike.extend(supply::sets(robot, &selection.last.model, parts.intervals));
+    alike.extend_from_slice(parts.supplies);
     let in_set = |kind, target| selection.alike.iter().any(|a| a.chosen == (kind, target));
     let mut accepted = Vec::new();
     for (i, term) in selection.last.model.terms.iter().enumerate() {

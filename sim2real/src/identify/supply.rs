@@ -4,10 +4,11 @@
 //! is missing beside it. Three numbers that move as one have one cause, which is named with them.
 
 use omniwalk_env::effect::Kind;
-use omniwalk_env::robot::Robot;
 
-use super::model::{Model, Tuned};
+use super::fit::Fit;
+use super::model::Tuned;
 use super::own::Own;
+use super::select::Selector;
 
 /// What the supply scales.
 const SCALED: [Own; 3] = [Own::KpScale, Own::TorqueLimit, Own::SpeedLimit];
@@ -17,17 +18,13 @@ const OFF: f64 = 0.03;
 const AGREE: f64 = 1.5;
 const ANYWAY: f64 = 0.01;
 
-/// Sets of what cannot be told apart: for each joint whose stiffness and limits have a factor in common, the supply and what it scales.
-/// `intervals` are half widths of the model's numbers in their order.
-pub fn sets(robot: &Robot, model: &Model, intervals: &[f64]) -> Vec<Vec<String>> {
+/// Sets of what cannot be told apart: for each joint whose stiffness and limits have a factor in common, without which they predict worse,
+/// the supply and what it scales. `intervals` are half widths of the numbers of `fit` in their order.
+pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64]) -> Vec<Vec<String>> {
+    let robot = selector.robot;
     let mut out = Vec::new();
     for dof in 0..robot.dofs.len() {
-        let told: Vec<(&Tuned, f64)> = model
-            .tuned
-            .iter()
-            .zip(intervals.iter().copied())
-            .filter(|(tuned, half)| tuned.dof == dof && SCALED.contains(&tuned.own) && half.is_finite())
-            .collect();
+        let told = told(fit, intervals, dof);
         let factors: Vec<[f64; 2]> = told
             .iter()
             .map(|(tuned, half)| [tuned.value, *half].map(|x| x / tuned.nominal))
@@ -36,8 +33,12 @@ pub fn sets(robot: &Robot, model: &Model, intervals: &[f64]) -> Vec<Vec<String>>
         if !stiffness || factors.len() < 2 || common(&factors).is_none() {
             continue;
         }
+        let own: Vec<Own> = told.iter().map(|(tuned, _)| tuned.own).collect();
+        if !selector.retuning_helps(fit, dof, &own, robot.dofs.len()) {
+            continue;
+        }
         let name = &robot.dof(dof).name;
-        let scaled = told.iter().map(|(tuned, _)| format!("{} of {name}", tuned.own.key()));
+        let scaled = own.iter().map(|own| format!("{} of {name}", own.key()));
         out.push(
             [Kind::SupplyVoltage.id().to_owned()]
                 .into_iter()
@@ -46,6 +47,14 @@ pub fn sets(robot: &Robot, model: &Model, intervals: &[f64]) -> Vec<Vec<String>>
         );
     }
     out
+}
+
+/// What a supply scales on a joint and the logs tell, with half widths of intervals.
+fn told<'a>(fit: &'a Fit, intervals: &[f64], dof: usize) -> Vec<(&'a Tuned, f64)> {
+    let tuned = fit.model.tuned.iter().zip(intervals.iter().copied());
+    tuned
+        .filter(|(tuned, half)| tuned.dof == dof && SCALED.contains(&tuned.own) && half.is_finite())
+        .collect()
 }
 
 /// What `factors`, each with the half width of its interval, have in common, if that is not one.

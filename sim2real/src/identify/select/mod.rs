@@ -11,11 +11,13 @@ mod step;
 use omniwalk_env::effect::Kind;
 use omniwalk_env::robot::Robot;
 
-use super::candidates::{self, Candidate, Ripples};
+use super::candidates::{self, Candidate};
 use super::contact;
 use super::cross::{Folds, Gain};
 use super::fit::{Data, Fit, Loss, total};
+use super::leftover::{self, Floor, TOO_COARSE};
 use super::model::{Model, Term};
+use super::own::Own;
 use super::scales::Scales;
 use super::screen;
 use step::Stage;
@@ -116,10 +118,6 @@ pub struct Selector<'a> {
     pub negligible: f64,
     /// Effects that may take another's place; all when `None`.
     pub rivals: Option<&'a [(Kind, usize)]>,
-    /// Where ripples may start, by a model's residual.
-    pub ripples: &'a (dyn Fn(&Model) -> Ripples + Sync),
-    /// Whether a model cannot be judged at this physics step: steps then end.
-    pub coarse: &'a (dyn Fn(&Model) -> bool + Sync),
 }
 
 /// A fit with its cross-validated loss.
@@ -154,7 +152,48 @@ struct Steps {
     tried: Vec<(Terms, (Kind, usize, usize), Judged)>,
 }
 
-impl Selector<'_> {
+impl<'a> Selector<'a> {
+    /// Of `data`, whose `floor` is known; every effect may take another's place.
+    pub fn new(robot: &'a Robot, data: &'a Data, scales: &'a Scales, folds: &'a Folds, floor: &Floor) -> Self {
+        Self {
+            robot,
+            data,
+            scales,
+            folds,
+            floor: floor.squares(data),
+            negligible: floor.negligible_squares(data),
+            rivals: None,
+        }
+    }
+
+    /// Whether `model` cannot be judged at this physics step: steps then end.
+    fn is_coarse(&self, model: &Model) -> bool {
+        // An engine that simulated all of them before does so now.
+        let coarse = || leftover::is_coarse(self.data, model, TOO_COARSE).unwrap_or(false);
+        self.data.finer == 1 && !self.data.is_free() && coarse()
+    }
+
+    /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
+    /// one of `count` such tests; the joint's other numbers are fitted with and without.
+    pub fn retuning_helps(&self, fit: &Fit, dof: usize, own: &[Own], count: usize) -> bool {
+        let mut with = fit.model.clone();
+        with.hold_others(self.robot, Some(dof));
+        let mut without = with.clone();
+        let straight = without
+            .tuned
+            .iter_mut()
+            .filter(|tuned| tuned.dof == dof && own.contains(&tuned.own));
+        straight.for_each(|tuned| (tuned.value, tuned.held) = (tuned.nominal, true));
+        let [with, without] = [with, without].map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
+        self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
+    }
+
+    /// Whether `after` predicts better than `before` by what is worth it, and beyond chance for the best of `count`.
+    fn is_better(&self, before: &Judged, after: &Judged, count: usize) -> bool {
+        let gain = self.folds.gain(&before.cross, &after.cross);
+        self.worth(before, after, &gain) && gain.p * count as f64 <= FALSE_ALARM
+    }
+
     fn judge(&self, fit: Fit) -> Judged {
         let cross = self.folds.cross(self.data, &fit, self.scales);
         Judged { fit, cross }
@@ -216,7 +255,7 @@ impl Selector<'_> {
         for stage in [Stage::Delays, Stage::All] {
             while steps.now.fit.model.terms.len() < MOST
                 && total(&steps.now.cross) > ABOVE_FLOOR * self.floor
-                && !(self.coarse)(&steps.now.fit.model)
+                && !self.is_coarse(&steps.now.fit.model)
             {
                 if !self.step(&mut steps, stage) {
                     break;
@@ -264,7 +303,7 @@ impl Selector<'_> {
 
     /// What may be tried beside `model`.
     fn candidates(&self, model: &Model) -> Vec<Candidate> {
-        let found = (self.ripples)(model);
+        let found = leftover::ripples(self.data, model, self.scales);
         candidates::all(self.robot, self.data, model, self.scales, &found)
     }
 
@@ -302,7 +341,7 @@ impl Selector<'_> {
     /// Every effect of the catalogue at once, each from its first start: what is compared with, not what is chosen.
     pub fn all_at_once(&self, tuned: &Model) -> Model {
         let mut model = tuned.clone();
-        for candidate in candidates::all(self.robot, self.data, tuned, self.scales, &(self.ripples)(tuned)) {
+        for candidate in self.candidates(tuned) {
             if !model.has(candidate.kind, candidate.target) {
                 model.terms.push(candidate.starts[0].clone());
             }

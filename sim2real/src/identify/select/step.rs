@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::super::candidates::{self, Candidate};
 use super::super::cross::Gain;
 use super::super::fit::total;
-use super::{FALSE_ALARM, Judged, PAIRED, Rejected, Selector, Steps, Terms, WORTH, size, terms};
+use super::{Judged, PAIRED, Rejected, Selector, Steps, Terms, WORTH, size, terms};
 
 /// Which effects a step may take.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -117,11 +117,10 @@ impl Selector<'_> {
 
     /// The best of `tried`; among those no worse, one with fewer numbers.
     fn best(&self, now: &Judged, tried: &[Judged], count: usize) -> Option<Judged> {
-        let good = |judged: &&Judged| {
-            let gain = self.folds.gain(&now.cross, &judged.cross);
-            self.worth(now, judged, &gain) && gain.p * count as f64 <= FALSE_ALARM
-        };
-        let good: Vec<&Judged> = tried.iter().filter(good).collect();
+        let good: Vec<&Judged> = tried
+            .iter()
+            .filter(|judged| self.is_better(now, judged, count))
+            .collect();
         let best = *good.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)))?;
         let own = |judged: &Judged| size(&judged.fit.model);
         let simpler = good
