@@ -6,7 +6,7 @@ use omniwalk_env::engine::EngineError;
 use super::candidates::Ripples;
 use super::contact;
 use super::cross::Folds;
-use super::fit::{Data, total};
+use super::fit::{Data, Loss, total};
 use super::model::{Model, Term};
 use super::noise;
 use super::scales::Scales;
@@ -256,45 +256,58 @@ fn add_tables(data: &Data, folds: &Folds, model: &mut Model, joints: &mut [Left]
     let fold = |block: usize| folds.of_block[block];
     for left in joints.iter_mut().filter(|left| !left.depends_on.is_empty()) {
         let known = torque::simulated_dependence(&left.moments, &fold, folds.count);
-        let tables = |own: usize| -> Vec<Table> {
-            let leading = known.iter();
-            leading
-                .filter_map(|leading| torque::table(&left.moments, leading, &|block| fold(block) != own))
-                .collect()
-        };
-        let with = |table: &Table| {
-            let mut with = model.clone();
-            with.terms.push(Term {
-                kind: Kind::ResidualTorque,
-                target: left.dof,
-                values: Vec::new(),
-                free: Vec::new(),
-                table: Some(table.clone()),
-                held: false,
-            });
-            with
-        };
-        let left_out: Vec<Vec<Table>> = (0..folds.count).map(tables).collect();
-        let models: Vec<Model> = left_out.iter().flatten().map(with).collect();
-        let losses = data.losses(&models);
         let before = total(&data.losses(std::slice::from_ref(model))[0]);
-        let cross = |k: usize| {
-            let own = |b: usize| losses[fold(b) * known.len() + k][b];
-            total(&(0..data.blocks).map(own).collect::<Vec<_>>())
-        };
-        // As many tables as variables in every fold, or they could not be compared.
-        if left_out.iter().any(|tables| tables.len() != known.len()) {
-            continue;
-        }
-        let best = (0..known.len()).min_by(|&a, &b| cross(a).total_cmp(&cross(b)));
-        let Some(best) = best.filter(|&k| cross(k) < (1.0 - WORTH) * before) else {
-            continue;
-        };
-        if let Some(table) = torque::table(&left.moments, &known[best], &|_| true) {
-            *model = with(&table);
+        let tables = tables(data, folds, model, (left.dof, &left.moments), &known).into_iter();
+        let best = tables.min_by(|a, b| total(&a.1).total_cmp(&total(&b.1)));
+        if let Some((table, _)) = best.filter(|(_, cross)| total(cross) < (1.0 - WORTH) * before) {
+            *model = with_table(model, left.dof, &table);
             left.table = Some(table);
         }
     }
+}
+
+/// A table of the `moments` of a joint over each of the variables `known`, with the losses of every block by one that was made without
+/// its fold. None where some fold allows of no table.
+pub fn tables(
+    data: &Data,
+    folds: &Folds,
+    model: &Model,
+    (dof, moments): (usize, &[Moment]),
+    known: &[Dependence],
+) -> Vec<(Table, Vec<Loss>)> {
+    let fold = |block: usize| folds.of_block[block];
+    let without = |own: usize| {
+        known
+            .iter()
+            .map(move |leading| torque::table(moments, leading, &|b| fold(b) != own))
+    };
+    let left_out: Option<Vec<Table>> = (0..folds.count).flat_map(without).collect();
+    let whole = known.iter().map(|leading| torque::table(moments, leading, &|_| true));
+    let (Some(left_out), Some(whole)) = (left_out, whole.collect::<Option<Vec<_>>>()) else {
+        return Vec::new();
+    };
+    let models: Vec<Model> = left_out.iter().map(|table| with_table(model, dof, table)).collect();
+    let losses = data.losses(&models);
+    let cross = |k: usize| (0..data.blocks).map(|b| losses[fold(b) * known.len() + k][b]).collect();
+    whole
+        .into_iter()
+        .enumerate()
+        .map(|(k, table)| (table, cross(k)))
+        .collect()
+}
+
+/// `model` with a table of torque on a joint.
+fn with_table(model: &Model, dof: usize, table: &Table) -> Model {
+    let mut with = model.clone();
+    with.terms.push(Term {
+        kind: Kind::ResidualTorque,
+        target: dof,
+        values: Vec::new(),
+        free: Vec::new(),
+        table: Some(table.clone()),
+        held: false,
+    });
+    with
 }
 
 fn autocorrelations(data: &Data, model: &Model) -> Vec<f64> {

@@ -5,6 +5,7 @@
 //! single one does; then what earlier steps took is tried without (`settle`). At the end each effect is exchanged for every other: what
 //! predicts as well cannot be told apart with these logs.
 
+mod curve;
 mod settle;
 mod step;
 
@@ -274,6 +275,7 @@ impl<'a> Selector<'a> {
             }
         }
         self.merge(&mut steps);
+        let curves = self.undo_curves(&mut steps);
         let alike = self.exchange(&mut steps);
         let p_values = self.p_values(&mut steps);
         let most_taken = steps.rejected.iter().map(|r| r.most).fold(0.0, f64::max);
@@ -285,6 +287,9 @@ impl<'a> Selector<'a> {
         } = steps;
         for rejected in &mut rejected {
             rejected.reason = match rejected.at_best {
+                _ if curves.contains(&(rejected.kind, rejected.target)) => {
+                    "one of several that together are a curve over position".to_owned()
+                }
                 Some(share) => format!("not fitted: takes {:.1} % to first order, others more", 100.0 * share),
                 None => self.reason(&rejected.gain, most),
             };
