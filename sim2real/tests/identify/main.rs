@@ -7,7 +7,7 @@ mod walker;
 
 use std::path::Path;
 
-use omniwalk_env::effect::Kind;
+use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
 use omniwalk_env::robot::Base;
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use rig::{identify, identify_into, logs, rig};
@@ -129,6 +129,25 @@ fn a_low_supply_is_named_with_what_it_scales() {
     assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
     assert_eq!(outcome.indistinguishable.len(), 1, "{named:?}");
     assert_eq!(named[..2], ["supply_voltage", "kp_scale of hinge"]);
+}
+
+#[test]
+fn a_spring_on_one_side_is_a_curve_and_not_several_effects() {
+    let mut truth = rig(&[]);
+    let table = Table {
+        axes: vec![(Variable::Position, vec![-2.0, 0.1, 1.1])],
+        values: vec![0.0, 0.0, -0.3],
+    };
+    let spring = Effect {
+        table: Some(table),
+        ..Effect::new(Kind::ResidualTorque, 0, &[])
+    };
+    effect::apply(&mut truth, &spring);
+    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let named = named(&outcome);
+    assert_eq!(outcome.verdict, Verdict::Unexplained, "{named:?}");
+    assert_eq!(outcome.unexplained.depends_on[0], "position");
+    assert!(named.is_empty(), "{named:?}");
 }
 
 #[test]
