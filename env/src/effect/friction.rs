@@ -58,7 +58,17 @@ pub(super) const STRIBECK: Info = Info {
             default: None,
             what: "speed at which 1/e of it is left",
         },
+        Parameter {
+            name: "travel",
+            scale: Scale::Position,
+            neutral: Some(0.0),
+            starts: &[1e-4, 1e-3],
+            bounds: positive(1.0),
+            default: Some(0.0),
+            what: "way after a turn over which dry friction builds up, to 1/e of what it lacks",
+        },
     ],
+    // Teeth and grease give way before they slip (Dahl, A solid friction model, 1968); what is stored in them is not given back here.
     what: "dry friction grows by torque exp(-(speed/velocity)^2) towards rest",
 };
 
@@ -136,6 +146,9 @@ pub(super) const DIRECTIONAL: Info = Info {
     what: "friction differs between forward and backward",
 };
 
+/// A step shorter than this share of the travel is the rounding of a joint that sticks, and no turn.
+const STILL: f64 = 1e-3;
+
 /// Parameters of one joint.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Friction {
@@ -143,6 +156,7 @@ pub(super) struct Friction {
     pub coulomb: f64,
     pub stribeck: f64,
     pub stribeck_velocity: f64,
+    pub travel: f64,
     pub load: f64,
     pub load_growth: f64,
     pub load_at_rest: f64,
@@ -164,6 +178,20 @@ impl Friction {
             bound += self.stribeck * left(velocity, self.stribeck_velocity);
         }
         bound
+    }
+
+    /// Share of dry friction there is after another step of `way`, rad or m. `bent` is how far what rubs gives way, in shares of how
+    /// far it does before it slips, and to which side.
+    pub fn built(&self, bent: &mut f64, way: f64) -> f64 {
+        if self.travel <= 0.0 {
+            return 1.0;
+        }
+        if way.abs() < STILL * self.travel {
+            return bent.abs();
+        }
+        let direction = way.signum();
+        *bent = direction + (*bent - direction) * (-way.abs() / self.travel).exp();
+        (*bent * direction).max(0.0)
     }
 
     /// Torque of what differs between the directions: the dry part is the same at rest, where friction may hold

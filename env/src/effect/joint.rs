@@ -32,6 +32,8 @@ pub(crate) struct Memory {
     followed: f64,
     /// Velocity at the last step.
     velocity: f64,
+    /// How far what rubs gives way, -1 to 1.
+    bent: f64,
     rotor: Rotor,
     /// The motor's torque in the last step.
     motor: f64,
@@ -100,7 +102,10 @@ impl Model {
             Kind::CommandGain => self.command.gain = v[0],
             Kind::CommandQuantisation => self.command.quantum = v[0],
             Kind::SupplyVoltage => self.supply = v[0] / v[1],
-            Kind::StribeckFriction => (self.friction.stribeck, self.friction.stribeck_velocity) = (v[0], v[1]),
+            Kind::StribeckFriction => {
+                (self.friction.stribeck, self.friction.stribeck_velocity) = (v[0], v[1]);
+                self.friction.travel = v[2];
+            }
             Kind::LoadDependentFriction => {
                 (self.friction.load, self.friction.load_growth) = (v[0], v[1]);
                 (self.friction.load_at_rest, self.friction.load_velocity) = (v[2], v[3]);
@@ -138,6 +143,7 @@ impl Model {
             readings: Ring::new(self.sensor.delay, self.sensor.read(position)),
             followed,
             velocity,
+            bent: 1.0_f64.copysign(velocity),
             rotor: self.transmission.rotor(position, velocity, ahead),
             motor: 0.0,
             shift: 0.0,
@@ -206,7 +212,8 @@ impl Model {
         let (low, high) = (self.supply * *drive.torque_min, self.supply * *drive.torque_max);
         let stiffness = told.stiffness * self.sensor.scale * self.supply;
         let transmitted = memory.motor - self.armature * (velocity - memory.velocity) / self.dt;
-        *drive.friction = self.friction.bound(velocity, transmitted);
+        let built = self.friction.built(&mut memory.bent, velocity * self.dt);
+        *drive.friction = built * self.friction.bound(velocity, transmitted);
         let table = self.table.as_ref().map_or(0.0, |table| {
             table.torque(|variable| match variable {
                 Variable::Position => position,
@@ -287,6 +294,7 @@ impl Memory {
             readings,
             followed,
             velocity,
+            bent,
             rotor,
             motor,
             shift,
@@ -294,6 +302,7 @@ impl Memory {
         [
             followed,
             velocity,
+            bent,
             &mut rotor.position,
             &mut rotor.velocity,
             &mut rotor.motor.torque,

@@ -38,7 +38,8 @@ fn every_effect_changes_the_motion_and_stays_within_bounds_in_both_engines() {
         (Kind::CommandGain, &[0.9]),
         (Kind::CommandQuantisation, &[0.1]),
         (Kind::SupplyVoltage, &[9.0, 12.0]),
-        (Kind::StribeckFriction, &[0.2, 0.3]),
+        (Kind::StribeckFriction, &[0.2, 0.3, 0.0]),
+        (Kind::StribeckFriction, &[0.2, 0.3, 1e-3]),
         (Kind::LoadDependentFriction, &[0.3, 0.1, 0.2, 0.5]),
         (Kind::DirectionalFriction, &[0.05, 0.02]),
         (Kind::Backlash, &[0.05, 0.0]),
@@ -169,7 +170,10 @@ fn a_table_pulls_where_it_says() {
 fn effects_come_from_the_toml_and_faults_name_their_place() {
     let robot = load("[[effect]]\nid = \"stribeck_friction\"\nmatch = [\"hinge\"]\ntorque = 0.4\nvelocity = 0.2\n")
         .expect("a robot");
-    assert_eq!(robot.effects, [Effect::new(Kind::StribeckFriction, 0, &[0.4, 0.2])]);
+    assert_eq!(
+        robot.effects,
+        [Effect::new(Kind::StribeckFriction, 0, &[0.4, 0.2, 0.0])]
+    );
     assert!(robot::describe(&robot).contains("stribeck_friction"));
     for (toml, said) in [
         ("[[effect]]\nid = \"magic\"\nmatch = [\"hinge\"]\n", "no effect"),

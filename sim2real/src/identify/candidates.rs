@@ -34,6 +34,7 @@ pub type Ripples = Vec<Vec<f64>>;
 pub fn refinements(kind: Kind) -> &'static [&'static [usize]] {
     match kind {
         Kind::LoadDependentFriction => &[&[1], &[2, 3]],
+        Kind::StribeckFriction => &[&[2]],
         _ => &[],
     }
 }
@@ -166,7 +167,7 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
             .collect(),
         Kind::DirectionalFriction => vec![vec![term(vec![0.0, 0.0], vec![0, 1])]],
         Kind::StribeckFriction => {
-            let each = |torque: f64| start(1).into_iter().map(move |v| vec![torque, v]);
+            let each = |torque: f64| start(1).into_iter().map(move |v| vec![torque, v, 0.0]);
             vec![
                 start(0)
                     .into_iter()

@@ -82,7 +82,7 @@ fn a_robot_that_walks_freely_is_identified_on_a_stand() {
 
 #[test]
 fn friction_that_rises_towards_rest_is_found() {
-    is_found(Kind::StribeckFriction, &[0.12, 0.4]);
+    is_found(Kind::StribeckFriction, &[0.12, 0.4, 0.0]);
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn a_spring_on_one_side_is_a_curve_and_not_several_effects() {
 
 #[test]
 fn held_out_logs_change_nothing_but_the_report() {
-    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4])]);
+    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4, 0.0])]);
     let with = |held| {
         let outcome = identify(&rig(&[]), logs(&truth, 3, 1), Some(held));
         serde_json::to_string(&(
@@ -168,7 +168,7 @@ fn held_out_logs_change_nothing_but_the_report() {
 
 #[test]
 fn threads_change_no_bit() {
-    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4])]);
+    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4, 0.0])]);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
