@@ -90,10 +90,7 @@ fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
             accepted.effect, accepted.target, accepted.p_value
         ))?;
         for (name, value) in &accepted.parameters {
-            let interval = value
-                .ci95
-                .map_or(String::new(), |[low, high]| format!(" ({low:.4} to {high:.4})"));
-            say(format_args!("    {name} = {:.5} {}{interval}", value.value, value.unit))?;
+            say(format_args!("    {name} = {value}"))?;
         }
     }
     for set in &outcome.indistinguishable {

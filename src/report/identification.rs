@@ -115,11 +115,8 @@ fn effects(outcome: &Outcome, out: &mut String) {
             <th>with</th><th>p</th></tr>\n";
     }
     for accepted in &outcome.accepted {
-        let value = |(name, p): (&&str, &omniwalk_sim2real::identify::Parameter)| {
-            let interval = p.ci95.map_or(String::new(), |[a, b]| format!(" ({a:.4} to {b:.4})"));
-            format!("{name} {:.5} {}{interval}", p.value, p.unit)
-        };
-        let values: Vec<String> = accepted.parameters.iter().map(value).collect();
+        let parameters = accepted.parameters.iter();
+        let values: Vec<String> = parameters.map(|(name, value)| format!("{name} {value}")).collect();
         let _ = writeln!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.6}</td><td>{:.6}</td><td>{:.1e}</td></tr>",

@@ -1,6 +1,7 @@
 //! What `report.json` holds, beside what only the page shows.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use omniwalk_env::robot::Robot;
 use serde::Serialize;
@@ -35,6 +36,23 @@ pub struct Parameter {
     pub unit: &'static str,
     /// 95 % interval; none where the logs cannot tell.
     pub ci95: Option<[f64; 2]>,
+}
+
+impl fmt::Display for Parameter {
+    /// With as many digits as the interval's width has meaning, two of it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let known = self.ci95.map_or(0.01 * self.value.abs(), |[low, high]| high - low);
+        let digits = if known > 0.0 {
+            (1.0 - known.log10().floor()).clamp(0.0, 12.0)
+        } else {
+            0.0
+        } as usize;
+        write!(f, "{:.digits$} {}", self.value, self.unit)?;
+        match self.ci95 {
+            Some([low, high]) => write!(f, " ({low:.digits$} to {high:.digits$})"),
+            None => Ok(()),
+        }
+    }
 }
 
 /// An effect that was taken.
@@ -177,5 +195,29 @@ impl Outcome {
             trials: [Vec::new(), Vec::new()],
             torque: Vec::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_are_known() {
+        let said = |value, ci95| {
+            Parameter {
+                value,
+                unit: "rad",
+                ci95,
+            }
+            .to_string()
+        };
+        assert_eq!(
+            said(6.12e-5, Some([4.4e-5, 7.83e-5])),
+            "0.000061 rad (0.000044 to 0.000078)"
+        );
+        assert_eq!(said(1234.5, Some([1200.0, 1269.0])), "1234 rad (1200 to 1269)");
+        assert_eq!(said(0.25, None), "0.2500 rad");
+        assert_eq!(said(0.0, None), "0 rad");
     }
 }
