@@ -1,24 +1,37 @@
 #!/bin/sh
-# Trains configs/thesis.toml for 3 M steps, with the thesis's Butterworth filter on the increment and (no-filter) without, and judges both in
-# rapier; what is committed beside this script are the small files.
-# Usage: runs/thesis/make.sh [FOLDER], after cargo build --release.
+# Trains configs/thesis.toml for 3 M steps, with the thesis's Butterworth filter on the increment and (no-filter) without, and once over
+# its 71 M (full, some two hours and a half), and judges all in rapier; what is committed beside this script are the small files.
+# Usage: runs/thesis/make.sh [FOLDER], after cargo build --release. A run that was stopped goes on.
 set -eu
 cd "$(dirname "$0")/../.."
 omniwalk="${OMNIWALK:-target/release/omniwalk}"
 out="${1:-target/thesis}"
 
-judge() { # RUN HERE
-    "$omniwalk" eval "$1" > "$1/eval.txt"
-    mkdir -p "$2"
-    cp "$1/config.toml" "$2/"
-    for file in eval.json eval.txt; do
-        sed "/^rollout/d; s#$1#thesis#" "$1/$file" > "$2/$file"
-    done
-    awk 'NR == 1 || NR % 10 == 0' "$1/metrics.csv" > "$2/metrics.csv"
+train() { # RUN OPTIONS...
+    run="$1"
+    shift
+    if [ -d "$run" ]; then
+        "$omniwalk" train --resume --run "$run"
+    else
+        "$omniwalk" train configs/thesis.toml --run "$run" "$@"
+    fi
 }
 
-[ -d "$out" ] || "$omniwalk" train configs/thesis.toml --steps 3000000 --run "$out"
-judge "$out" runs/thesis
-[ -d "$out-no-filter" ] ||
-    "$omniwalk" train configs/thesis.toml --steps 3000000 --set action.filter.enabled=false --run "$out-no-filter"
-judge "$out-no-filter" runs/thesis/no-filter
+judge() { # RUN HERE THINNED OPTIONS...
+    run="$1" here="$2" thinned="$3"
+    shift 3
+    "$omniwalk" eval "$run" "$@" > "$run/eval.txt"
+    mkdir -p "$here"
+    cp "$run/config.toml" "$here/"
+    for file in eval.json eval.txt; do
+        sed "/^rollout/d; s#$run#thesis#" "$run/$file" > "$here/$file"
+    done
+    awk -v every="$thinned" 'NR == 1 || NR % every == 0' "$run/metrics.csv" > "$here/metrics.csv"
+}
+
+train "$out" --steps 3000000
+judge "$out" runs/thesis 10
+train "$out-no-filter" --steps 3000000 --set action.filter.enabled=false
+judge "$out-no-filter" runs/thesis/no-filter 10
+train "$out-full" --engine lanes --seed 1
+judge "$out-full" runs/thesis/full 100 --suite falls,changes --seed 9000

@@ -10,6 +10,7 @@ mod effects;
 mod feet;
 mod joints;
 mod kinematics;
+mod limb;
 mod load;
 mod mass;
 mod mirror;
@@ -22,6 +23,7 @@ mod urdf_text;
 
 pub use describe::describe;
 pub use kinematics::Kinematics;
+pub use limb::Limb;
 pub use load::{files, load, load_with, massless_joints};
 pub use ranges::{EffectRange, can_vary};
 pub(crate) use settings::matches;
