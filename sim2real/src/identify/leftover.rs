@@ -2,11 +2,13 @@
 
 use omniwalk_env::effect::{Kind, Table};
 use omniwalk_env::engine::EngineError;
+use omniwalk_env::robot::Limb;
 
 use super::candidates::Ripples;
 use super::contact;
 use super::cross::Folds;
 use super::fit::{Data, Loss, total};
+use super::found::spread;
 use super::model::{Model, Term};
 use super::noise;
 use super::scales::Scales;
@@ -74,6 +76,32 @@ impl Floor {
     pub fn of(&self, d: usize) -> f64 {
         let own = self.sensor[d].hypot(self.integration[d]).hypot(self.contact[d]);
         self.repeats[d].map_or(own, |spread| spread.max(own))
+    }
+
+    /// Among the `dofs` degrees of freedom of the whole robot, of which its own are `limb`.
+    pub fn of_whole(&self, limb: &Limb, dofs: usize) -> Self {
+        let own = |values: &Vec<f64>| spread(values, limb, dofs);
+        Self {
+            sensor: own(&self.sensor),
+            integration: own(&self.integration),
+            contact: own(&self.contact),
+            repeats: spread(&self.repeats, limb, dofs),
+            negligible: own(&self.negligible),
+            weights: own(&self.weights),
+        }
+    }
+
+    /// With that of other joints.
+    pub fn and(&self, other: &Self) -> Self {
+        let repeats = self.repeats.iter().zip(&other.repeats);
+        Self {
+            sensor: sums(&self.sensor, &other.sensor),
+            integration: sums(&self.integration, &other.integration),
+            contact: sums(&self.contact, &other.contact),
+            repeats: repeats.map(|(a, b)| a.or(*b)).collect(),
+            negligible: sums(&self.negligible, &other.negligible),
+            weights: sums(&self.weights, &other.weights),
+        }
     }
 
     /// Weighted sum of squares over all readings.
@@ -193,12 +221,49 @@ pub struct Leftover {
     pub joints: Vec<Left>,
     /// Whether that is structure.
     pub structured: bool,
-    /// Share of the re-tuned model's loss above the floor that is left.
-    pub fraction: f64,
+    /// Weighted losses of the re-tuned and of the last model, and the floor's.
+    losses: [f64; 3],
     /// Autocorrelation of the residual over 0.1 s, by degree of freedom.
     pub autocorrelation: Vec<f64>,
     /// The last model with the tables.
     pub model: Model,
+}
+
+/// Share of the re-tuned model's loss above the floor that is left.
+fn share_left(refit: f64, last: f64, floor: f64) -> f64 {
+    ((last - floor) / (refit - floor).max(1e-12 * refit)).clamp(0.0, 1.0)
+}
+
+impl Leftover {
+    /// Share of the last model's loss that noise does not explain, and no more than is left of what there was to explain.
+    pub fn fraction(&self) -> f64 {
+        let [refit, last, floor] = self.losses;
+        let of_last = if last > 0.0 {
+            ((last - floor) / last).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        of_last.min(share_left(refit, last, floor))
+    }
+
+    /// With what is left of other joints.
+    pub fn and(self, other: Self) -> Self {
+        let mut joints = self.joints;
+        joints.extend(other.joints);
+        joints.sort_by_key(|left| left.dof);
+        Self {
+            joints,
+            structured: self.structured || other.structured,
+            losses: std::array::from_fn(|i| self.losses[i] + other.losses[i]),
+            autocorrelation: sums(&self.autocorrelation, &other.autocorrelation),
+            model: self.model.and(&other.model),
+        }
+    }
+}
+
+/// Sums by degree of freedom; what one of them does not have is zero.
+fn sums(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
 }
 
 /// Examines what the last model leaves.
@@ -218,8 +283,8 @@ pub fn leftover(
     let last = total(&selection.last.losses);
     let negligible = floor.negligible_squares(data);
     let floor = floor.squares(data);
-    let fraction = ((last - floor) / (refit - floor).max(1e-12 * refit)).clamp(0.0, 1.0);
-    let remains = is_above(last, floor, negligible) && (model.terms.is_empty() || fraction > SHARE_LEFT);
+    let remains =
+        is_above(last, floor, negligible) && (model.terms.is_empty() || share_left(refit, last, floor) > SHARE_LEFT);
     let fold = |block: usize| folds.of_block[block];
     let mut joints = Vec::new();
     for (dof, moments) in torque::lacking(data, model, scales)?.into_iter().enumerate() {
@@ -238,12 +303,7 @@ pub fn leftover(
     let predicted = joints.iter().any(|left| !left.depends_on.is_empty());
     Ok(Leftover {
         structured: remains && (predicted || last > FAR_ABOVE * floor),
-        fraction: if last > 0.0 {
-            ((last - floor) / last).clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
-        .min(fraction.max(0.0)),
+        losses: [refit, last, floor],
         autocorrelation: autocorrelations(data, model),
         joints,
         model: with,

@@ -17,10 +17,12 @@ mod candidates;
 mod contact;
 mod cross;
 mod fit;
+mod found;
 mod information;
 mod interval;
 mod landings;
 mod leftover;
+mod limb;
 mod measure;
 mod model;
 mod noise;
@@ -48,18 +50,15 @@ pub use trial::{DT, Trial, TrialError};
 
 use std::collections::BTreeMap;
 
-use omniwalk_env::effect::Kind;
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::{Base, Robot, RobotError};
 
 use crate::check::Check;
 use crate::recording::{Recording, RecordingError};
-use cross::Folds;
-use fit::{Data, total};
-use leftover::{COARSE, Floor, TOO_COARSE};
-use model::{Model, Term};
-use own::Own;
-use select::{LESSER, Selection, Selector};
+use fit::Data;
+use found::Found;
+use limb::Search;
+use model::Model;
 use split::Split;
 
 /// Why nothing could be identified.
@@ -89,11 +88,6 @@ pub enum IdentifyError {
         source: std::io::Error,
     },
 }
-
-/// A torque limit that is looked for below the nominal one begins at this share of it.
-const LOWER_LIMIT: f64 = 0.7;
-/// Physics steps a millisecond where one is too coarse.
-const FINER: usize = 4;
 
 /// Opens the logs that are held out.
 pub type Open<'a> = &'a dyn Fn() -> Result<Vec<Recording>, RecordingError>;
@@ -165,50 +159,63 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     if !reasons.is_empty() {
         return Ok(Outcome::insufficient(robot, reasons, check));
     }
-    let scales = Scales::new(robot, &split.fit);
-    let mut data = Data::new(robot, split.fit.clone())?;
-    let folds = Folds::new(&data);
-    let nominal = Model::nominal(robot, &data.trials);
-    let information = information::information(robot, &mut data, &nominal, &scales);
-    let untold = information::untold(&information);
-    if !untold.is_empty() {
-        log(&format!("these logs cannot tell {untold}"));
-    }
-    let Choice { selection, floor } = choose(robot, &mut data, &nominal, &scales, &folds, log)?;
-    let selector = Selector::new(robot, &data, &scales, &folds, &floor);
-    let all_at_once = task.compare.then(|| selector.all_at_once(&selection.refit.model));
-    let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
-    let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
-    let supplies = supply::sets(&selector, &selection.last, &intervals);
+    let Some((found, fitted)) = search(task, &split, log)? else {
+        return Ok(Outcome::insufficient(
+            robot,
+            vec!["the robot has no joint".into()],
+            check,
+        ));
+    };
     // The last choice is made: what was held out may be opened.
     let heldout = match task.heldout {
         Some(open) => split::all(robot, &open()?)?,
         None => split.heldout.clone(),
     };
     let heldout = split::agreed(robot, heldout)?;
-    let with = write::extended(task, &selection, &left, &intervals)?;
+    let with = write::extended(task, &found)?;
     let mut corrected = omniwalk_env::robot::load(&with)?;
     // What walks freely may have been identified on a stand.
     (corrected.base, corrected.base_pose) = (robot.base, robot.base_pose);
-    outcome::outcome(
-        outcome::Parts {
-            robot,
-            corrected: &corrected,
-            data: &data,
-            scales: &scales,
-            folds: &folds,
-            floor: &floor,
-            selection: &selection,
-            left: &left,
-            intervals: &intervals,
-            supplies: &supplies,
-            all_at_once: all_at_once.as_ref(),
-            split: &split,
-            check: &check,
-            information: &information,
-        },
-        heldout,
-    )
+    let parts = outcome::Parts {
+        robot,
+        corrected: &corrected,
+        scales: &Scales::new(robot, &split.fit),
+        found: &found,
+        fitted: &fitted,
+        split: &split,
+        check: &check,
+    };
+    outcome::outcome(parts, heldout)
+}
+
+/// Looks at every limb by itself: nothing of another one's motion is in its own. What was found comes with the pieces of logs, their starts
+/// fitted.
+fn search(task: &Task<'_>, split: &Split, log: &dyn Fn(&str)) -> Result<Option<(Found, Vec<Trial>)>, IdentifyError> {
+    let robot = task.robot;
+    for trial in &split.fit {
+        trial.robot(robot)?;
+    }
+    let limbs = robot.limbs();
+    let search = Search {
+        limbs: limbs.len(),
+        compare: task.compare,
+    };
+    let mut parts = Vec::with_capacity(limbs.len());
+    // Starts are fitted where the base is not held: of a robot that is one limb.
+    let mut fitted = split.fit.clone();
+    for limb in limbs {
+        if search.limbs > 1 {
+            let joints = (0..limb.robot.dofs.len()).map(|d| limb.robot.dof(d).name.as_str());
+            log(&joints.collect::<Vec<_>>().join(", "));
+        }
+        let trials: Vec<Trial> = split.fit.iter().map(|trial| trial.of_limb(robot, &limb)).collect();
+        let (found, trials) = limb::find(&limb.robot, trials, search, log)?;
+        if search.limbs == 1 {
+            fitted = trials;
+        }
+        parts.push((limb, found));
+    }
+    Ok(Found::together(parts, robot.dofs.len()).map(|found| (found, fitted)))
 }
 
 /// Leaves out what models of contact do not agree about and what is far off; why what is left cannot carry an answer, if so.
@@ -228,103 +235,4 @@ fn leave_disagreed(robot: &Robot, split: &mut Split, log: &dyn Fn(&str)) -> Resu
         .into_iter()
         .map(|reason| format!("{kept}; of those, {reason}"))
         .collect())
-}
-
-/// What was chosen at a physics step.
-struct Choice {
-    selection: Selection,
-    floor: Floor,
-}
-
-/// Re-tunes the nominal model, then takes the effects that help; where the physics step is too coarse for a model on the
-/// way, it is made finer, and the steps go on from there.
-fn choose(
-    robot: &Robot,
-    data: &mut Data,
-    nominal: &Model,
-    scales: &Scales,
-    folds: &Folds,
-    log: &dyn Fn(&str),
-) -> Result<Choice, EngineError> {
-    // Joints that are measured well count as much as those that are not: each in units of what the re-tuned model leaves.
-    data.weights = leftover::weights(data, nominal);
-    let mut tuned = retuned(data, nominal, scales);
-    data.fit_starts(&tuned)?;
-    if data.is_free() {
-        // A finer step is another model of contact too: what the step changes counts as the floor's.
-        return steps(robot, data, scales, folds, log, (&tuned, &[], None));
-    }
-    if leftover::is_coarse(data, &tuned, TOO_COARSE)? {
-        return fine(robot, data, scales, folds, log, (&tuned, &[], None));
-    }
-    let choice = steps(robot, data, scales, folds, log, (&tuned, &[], None))?;
-    if !leftover::is_coarse(data, &choice.selection.last.model, COARSE)? {
-        return Ok(choice);
-    }
-    log("the physics step is too coarse for what was found: on with a finer one");
-    let found = &choice.selection.last.model;
-    let rivals = choice.selection.rivals();
-    tuned.tuned.clone_from(&choice.selection.refit.model.tuned);
-    fine(robot, data, scales, folds, log, (&tuned, &found.terms, Some(&rivals)))
-}
-
-/// The nominal model re-tuned, from its values and with lower torque limits: a limit that the nominal robot does not reach has no
-/// slope that would lead to one that the real robot does.
-fn retuned(data: &Data, nominal: &Model, scales: &Scales) -> Model {
-    let from = |share: f64| {
-        let mut model = nominal.clone();
-        let limits = model.tuned.iter_mut().filter(|tuned| tuned.own == Own::TorqueLimit);
-        limits.for_each(|tuned| tuned.value *= share);
-        data.fit(&model, scales, &|_| true)
-    };
-    let [as_told, lower] = [from(1.0), from(LOWER_LIMIT)];
-    let better = total(&lower.losses) < (1.0 - LESSER) * total(&as_told.losses);
-    if better { lower.model } else { as_told.model }
-}
-
-/// Where steps begin: the re-tuned model, the effects it has already, and what may take their place.
-type From<'a> = (&'a Model, &'a [Term], Option<&'a [(Kind, usize)]>);
-
-/// The same at a finer physics step.
-fn fine(
-    robot: &Robot,
-    data: &mut Data,
-    scales: &Scales,
-    folds: &Folds,
-    log: &dyn Fn(&str),
-    (tuned, terms, rivals): From<'_>,
-) -> Result<Choice, EngineError> {
-    data.finer = FINER;
-    let tuned = data.fit(tuned, scales, &|_| true).model;
-    steps(robot, data, scales, folds, log, (&tuned, terms, rivals))
-}
-
-/// Steps at the data's physics step.
-fn steps(
-    robot: &Robot,
-    data: &mut Data,
-    scales: &Scales,
-    folds: &Folds,
-    log: &dyn Fn(&str),
-    (tuned, terms, rivals): From<'_>,
-) -> Result<Choice, EngineError> {
-    data.weights = leftover::weights(data, tuned);
-    let mut floor = Floor::new(data, tuned, scales)?;
-    if data.is_free() {
-        data.weights = floor.inverse();
-        floor = floor.weighted(&data.weights);
-    }
-    let data = &*data;
-    log(&format!(
-        "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",
-        leftover::root(data, tuned),
-        floor.root(),
-        data.finer
-    ));
-    let selector = Selector {
-        rivals,
-        ..Selector::new(robot, data, scales, folds, &floor)
-    };
-    let selection = selector.run(tuned, terms, log);
-    Ok(Choice { selection, floor })
 }

@@ -224,6 +224,14 @@ impl Model {
             .find(|term| (term.kind, term.target) == (kind, target))
     }
 
+    /// Both models together: of other joints.
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            tuned: [self.tuned.as_slice(), &other.tuned].concat(),
+            terms: [self.terms.as_slice(), &other.terms].concat(),
+        }
+    }
+
     /// Whether the effect `kind` on `target` is among the terms.
     pub fn has(&self, kind: Kind, target: usize) -> bool {
         self.term(kind, target).is_some()

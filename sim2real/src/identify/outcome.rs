@@ -6,15 +6,11 @@ use omniwalk_env::effect::{Kind, Site};
 use omniwalk_env::robot::{JointKind, Robot};
 
 use super::IdentifyError;
-use super::cross::Folds;
-use super::fit::Data;
-use super::information::Information;
-use super::leftover::{Floor, Leftover};
+use super::found::Found;
 use super::measure::{Measure, measure, measure_each};
 use super::model::Model;
 use super::report::{Accepted, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained, Verdict};
 use super::scales::Scales;
-use super::select::Selection;
 use super::split::Split;
 use super::trial::Trial;
 use crate::check::Check;
@@ -25,30 +21,16 @@ pub struct Parts<'a> {
     pub robot: &'a Robot,
     /// The robot that was written.
     pub corrected: &'a Robot,
-    /// Logs that were fitted.
-    pub data: &'a Data,
     /// Typical values.
     pub scales: &'a Scales,
-    /// Folds.
-    pub folds: &'a Folds,
-    /// The floor.
-    pub floor: &'a Floor,
-    /// The steps.
-    pub selection: &'a Selection,
-    /// What is left.
-    pub left: &'a Leftover,
-    /// Half widths of the last fit's intervals.
-    pub intervals: &'a [f64],
-    /// Sets of re-tuned numbers with the supply that would do the same.
-    pub supplies: &'a [Vec<String>],
-    /// Every effect at once, where that was asked for.
-    pub all_at_once: Option<&'a Model>,
+    /// What was found.
+    pub found: &'a Found,
+    /// Pieces of logs that were fitted.
+    pub fitted: &'a [Trial],
     /// What was set aside.
     pub split: &'a Split,
     /// What the logs can carry.
     pub check: &'a Check,
-    /// What they can tell of the nominal model.
-    pub information: &'a [Information],
 }
 
 /// The outcome, with the errors on `heldout`.
@@ -57,47 +39,40 @@ pub struct Parts<'a> {
 /// When a held-out log does not fit the robot.
 pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, IdentifyError> {
     let Parts {
-        robot,
-        selection,
-        left,
-        data,
-        ..
+        robot, found, split, ..
     } = parts;
     let sets = |model: &Model| -> Result<Sets, IdentifyError> {
         Ok(Sets {
-            fit: measure_model(robot, model, &data.trials, data.finer)?,
-            heldout: measure_model(robot, model, &heldout, data.finer)?,
+            fit: measure_model(robot, model, parts.fitted, found.finer)?,
+            heldout: measure_model(robot, model, &heldout, found.finer)?,
         })
     };
-    let (nominal, refit) = (sets(&Model::default())?, sets(&selection.refit.model)?);
+    let (nominal, refit) = (sets(&Model::default())?, sets(&found.refit)?);
     let last = Sets {
-        fit: measure(parts.corrected, &data.trials, data.finer)?,
-        heldout: measure(parts.corrected, &heldout, data.finer)?,
+        fit: measure(parts.corrected, parts.fitted, found.finer)?,
+        heldout: measure(parts.corrected, &heldout, found.finer)?,
     };
     let (floor, source) = floor(&parts);
     let gap = |sets: &Sets| sets.heldout.overall() - floor;
     let gap_closed = (gap(&refit) > 0.0).then(|| 1.0 - gap(&last).max(0.0) / gap(&refit));
-    let mut alike: Vec<Vec<String>> = selection.alike.iter().map(|alike| set(robot, alike)).collect();
-    alike.extend_from_slice(parts.supplies);
-    let in_set = |kind, target| selection.alike.iter().any(|a| a.chosen == (kind, target));
+    let mut alike: Vec<Vec<String>> = found.alike.iter().map(|alike| set(robot, alike)).collect();
+    alike.extend_from_slice(&found.supplies);
+    let in_set = |kind, target| found.alike.iter().any(|a| a.chosen == (kind, target));
     let mut accepted = Vec::new();
-    for (i, term) in selection.last.model.terms.iter().enumerate() {
+    for (i, term) in found.last.terms.iter().enumerate() {
         if in_set(term.kind, term.target) {
             continue;
         }
-        let mut without = selection.last.model.clone();
-        without.terms.remove(i);
-        let without = data.fit(&without, parts.scales, &|_| true).model;
         accepted.push(Accepted {
             effect: term.kind.id(),
             target: target(robot, term.kind, term.target),
             parameters: parameters(&parts, i),
-            heldout_rmse_before: measure_model(robot, &without, &heldout, data.finer)?.overall(),
-            heldout_rmse_after: measure_model(robot, &selection.last.model, &heldout, data.finer)?.overall(),
-            p_value: selection.p_values.get(i).copied().unwrap_or(1.0),
+            heldout_rmse_before: measure_model(robot, &found.without[i], &heldout, found.finer)?.overall(),
+            heldout_rmse_after: measure_model(robot, &found.last, &heldout, found.finer)?.overall(),
+            p_value: found.p_values.get(i).copied().unwrap_or(1.0),
         });
     }
-    let verdict = if left.structured {
+    let verdict = if found.left.structured {
         Verdict::Unexplained
     } else if !alike.is_empty() {
         Verdict::Indistinguishable
@@ -106,7 +81,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
     } else {
         Verdict::Explained
     };
-    let rejected = selection.rejected.iter().map(|r| Rejected {
+    let rejected = found.rejected.iter().map(|r| Rejected {
         effect: r.kind.id(),
         target: target(robot, r.kind, r.target),
         reason: r.reason.clone(),
@@ -118,7 +93,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
         nominal,
         refit,
         last,
-        all_effects: parts.all_at_once.map(sets).transpose()?,
+        all_effects: found.all_at_once.as_ref().map(sets).transpose()?,
         noise_floor: NoiseFloor {
             value: (floor > 0.0).then_some(floor),
             source,
@@ -129,18 +104,19 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
         indistinguishable: alike,
         unexplained: unexplained(&parts),
         retuned: retuned(&parts),
-        heldout: parts.split.note.clone(),
-        folds: parts.folds.by.clone(),
-        tried: selection.tried,
+        heldout: split.note.clone(),
+        folds: found.folds.clone(),
+        tried: found.tried,
         check: parts.check.clone(),
-        information: parts.information.to_vec(),
-        physics_hz: data.finer as f64 / super::DT,
-        torque: left
+        information: found.information.clone(),
+        physics_hz: found.finer as f64 / super::DT,
+        torque: found
+            .left
             .joints
             .iter()
             .map(|left| (robot.dof(left.dof).name.clone(), left.moments.clone()))
             .collect(),
-        trials: [data.trials.to_vec(), heldout],
+        trials: [parts.fitted.to_vec(), heldout],
     })
 }
 
@@ -159,9 +135,9 @@ fn floor(parts: &Parts<'_>) -> (f64, &'static str) {
     let own: Vec<usize> = (0..robot.dofs.len())
         .filter(|&d| (robot.dof(d).kind == JointKind::Revolute) == turning)
         .collect();
-    let squares: f64 = own.iter().map(|&d| parts.floor.of(d).powi(2)).sum();
+    let squares: f64 = own.iter().map(|&d| parts.found.floor.of(d).powi(2)).sum();
     let value = (squares / own.len().max(1) as f64).sqrt();
-    let repeats = own.iter().any(|&d| parts.floor.repeats[d].is_some());
+    let repeats = own.iter().any(|&d| parts.found.floor.repeats[d].is_some());
     let source = match (value > 0.0, repeats) {
         (false, _) => "none",
         (true, true) => "repeats",
@@ -201,9 +177,9 @@ fn interval(value: f64, half: f64) -> Option<[f64; 2]> {
 
 /// The parameters of the model's term `index`.
 fn parameters(parts: &Parts<'_>, index: usize) -> BTreeMap<&'static str, Parameter> {
-    let model = &parts.selection.last.model;
+    let model = &parts.found.last;
     let before: usize = model.terms[..index].iter().map(|term| term.free.len()).sum();
-    let mut half = parts.intervals[model.tuned.len() + before..].iter();
+    let mut half = parts.found.intervals[model.tuned.len() + before..].iter();
     let term = &model.terms[index];
     let info = term.kind.info();
     let sliding = info.site == Site::Joint && parts.robot.dof(term.target).kind == JointKind::Prismatic;
@@ -225,7 +201,7 @@ fn parameters(parts: &Parts<'_>, index: usize) -> BTreeMap<&'static str, Paramet
 
 fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Parameter>> {
     let mut out: BTreeMap<String, BTreeMap<&'static str, Parameter>> = BTreeMap::new();
-    for (tuned, &half) in parts.selection.last.model.tuned.iter().zip(parts.intervals) {
+    for (tuned, &half) in parts.found.last.tuned.iter().zip(&parts.found.intervals) {
         let joint = parts.robot.dof(tuned.dof);
         let value = Parameter {
             value: tuned.value,
@@ -240,7 +216,7 @@ fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Paramet
 }
 
 fn unexplained(parts: &Parts<'_>) -> Unexplained {
-    let (robot, left) = (parts.robot, parts.left);
+    let (robot, left) = (parts.robot, &parts.found.left);
     let mut named: Vec<(f64, String)> = Vec::new();
     if left.structured {
         for own in &left.joints {
@@ -266,7 +242,7 @@ fn unexplained(parts: &Parts<'_>) -> Unexplained {
         }
     }
     Unexplained {
-        fraction: if left.structured { left.fraction } else { 0.0 },
+        fraction: if left.structured { left.fraction() } else { 0.0 },
         depends_on,
         autocorrelation: autocorrelation
             .map(|(d, value)| (robot.dof(d).name.clone(), *value))

@@ -89,13 +89,16 @@ impl Own {
     }
 }
 
+/// Key of the mass that the last link carries.
+pub const PAYLOAD: &str = "payload.mass";
+
 /// Sets the parameter `key` of `robot`; `None` when there is no such parameter.
 pub fn override_value(robot: &mut Robot, key: &str, value: f64) -> Option<()> {
     let (joint, key) = match key.strip_prefix("joint.").and_then(|rest| rest.rsplit_once('.')) {
         Some((joint, key)) => (Some(joint), key),
         None => (None, key),
     };
-    if key == "payload.mass" {
+    if key == PAYLOAD {
         let link = robot.links.len() - 1;
         let com = robot.links[link].inertial.com;
         let payload = Effect::new(Kind::Payload, link, &[value, com.x, com.y, com.z]);

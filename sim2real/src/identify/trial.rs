@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use omniwalk_env::robot::{Base, Robot};
+use omniwalk_env::robot::{Base, Limb, Robot};
 
 use super::base::MeasuredBase;
 use super::landings::landings;
+use super::own;
 use super::starts::Starts;
 use super::state::{Near, state};
 use crate::recording::{CommandKind, JointRecord, Recording, Series};
@@ -215,6 +216,26 @@ impl Trial {
         self.start + reading.at * DT
     }
 
+    /// What it holds of a limb of `robot`, whose base is held.
+    pub fn of_limb(&self, robot: &Robot, limb: &Limb) -> Self {
+        let own = |dof: usize| limb.dofs.iter().position(|&other| other == dof);
+        let reading = |r: &Reading| own(r.dof).map(|dof| Reading { dof, ..*r });
+        let condition = |(joint, name, values): &(Option<usize>, String, Vec<f64>)| match joint {
+            None => Some((None, name.clone(), values.clone())),
+            Some(dof) => Some((Some(own(*dof)?), name.clone(), values.clone())),
+        };
+        Self {
+            overrides: of_limb(&self.overrides, robot, limb),
+            told: picked(&self.told, limb),
+            readings: self.readings.iter().filter_map(reading).collect(),
+            initial: picked(&self.initial, limb),
+            spread: picked(&self.spread, limb),
+            measured: picked(&self.measured, limb),
+            conditions: self.conditions.iter().filter_map(condition).collect(),
+            ..self.clone()
+        }
+    }
+
     /// `robot` as it was in this log.
     ///
     /// # Errors
@@ -229,6 +250,23 @@ impl Trial {
         }
         Ok(robot)
     }
+}
+
+/// Those of values, one a degree of freedom, that are a limb's.
+fn picked<T: Clone>(values: &[T], limb: &Limb) -> Vec<T> {
+    limb.dofs.iter().map(|&dof| values[dof].clone()).collect()
+}
+
+/// Those of a log's overrides that concern a limb.
+fn of_limb(overrides: &BTreeMap<String, f64>, robot: &Robot, limb: &Limb) -> BTreeMap<String, f64> {
+    let carries = limb.links.last() == Some(&(robot.links.len() - 1));
+    let concerns = |key: &str| match key.strip_prefix("joint.").and_then(|rest| rest.rsplit_once('.')) {
+        Some((name, _)) => limb.robot.joints.iter().any(|joint| joint.name == name),
+        // What is carried is on the last link.
+        None => key != own::PAYLOAD || carries,
+    };
+    let own = overrides.iter().filter(|(key, _)| concerns(key));
+    own.map(|(key, value)| (key.clone(), *value)).collect()
 }
 
 /// The times between landings in which something is compared after a warm-up.

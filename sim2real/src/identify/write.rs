@@ -6,18 +6,12 @@ use std::path::{Path, PathBuf};
 use omniwalk_env::effect::{Kind, Place, Site};
 use omniwalk_env::robot::can_vary;
 
-use super::leftover::Leftover;
+use super::found::Found;
 use super::model::Model;
-use super::select::Selection;
 use super::{IdentifyError, Task};
 
-/// Writes the robot with the last model into `robot/` of the task's folder; returns that folder.
-pub fn extended(
-    task: &Task<'_>,
-    selection: &Selection,
-    left: &Leftover,
-    intervals: &[f64],
-) -> Result<PathBuf, IdentifyError> {
+/// Writes the robot with what was found into `robot/` of the task's folder; returns that folder.
+pub fn extended(task: &Task<'_>, found: &Found) -> Result<PathBuf, IdentifyError> {
     let folder = task.out.join("robot");
     let failed = |path: &Path| {
         let path = path.display().to_string();
@@ -32,9 +26,9 @@ pub fn extended(
         None => String::new(),
     };
     text += "\n# Identified from logs.\n";
-    text += &entries(task, &selection.last.model, intervals);
-    text += &entries(task, &tables(&left.model), &[]);
-    text += &ranges(task, &selection.last.model, intervals);
+    text += &entries(task, &found.last, &found.intervals);
+    text += &entries(task, &tables(&found.left.model), &[]);
+    text += &ranges(task, &found.last, &found.intervals);
     let path = folder.join("robot.toml");
     std::fs::write(&path, text).map_err(failed(&path))?;
     Ok(folder)

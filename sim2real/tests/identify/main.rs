@@ -1,5 +1,6 @@
 //! Identification on logs of the project's own simulation, where the truth is known to the last digit.
 
+mod arms;
 mod bad;
 mod record;
 mod rig;

@@ -21,7 +21,7 @@ pub type Files = (&'static str, &'static str);
 const RIG: Files = (URDF, TOML);
 
 /// Writes the files of a robot into `folder`.
-pub fn write(folder: &Path, (urdf, toml): Files) {
+fn write(folder: &Path, (urdf, toml): Files) {
     std::fs::write(folder.join("rig.urdf"), urdf).expect("written");
     std::fs::write(folder.join("robot.toml"), toml).expect("written");
 }
@@ -65,7 +65,18 @@ pub fn identify(robot: &Robot, logs: Vec<Recording>, heldout: Option<Vec<Recordi
 
 /// The same, what is written into `folder`.
 pub fn identify_into(folder: &Path, robot: &Robot, logs: Vec<Recording>, heldout: Option<Vec<Recording>>) -> Outcome {
-    write(folder, RIG);
+    identify_files(folder, RIG, robot, logs, heldout)
+}
+
+/// Identifies `robot`, of `files`, from `logs`; what is written goes into `folder`.
+pub fn identify_files(
+    folder: &Path,
+    files: Files,
+    robot: &Robot,
+    logs: Vec<Recording>,
+    heldout: Option<Vec<Recording>>,
+) -> Outcome {
+    write(folder, files);
     let open = || Ok(heldout.clone().unwrap_or_default());
     let task = Task {
         robot,

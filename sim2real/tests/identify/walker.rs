@@ -2,12 +2,12 @@
 
 use omniwalk_env::effect::{self, Effect, Kind};
 use omniwalk_env::robot::Robot;
-use omniwalk_sim2real::identify::{self, Outcome, Task, Verdict, replay};
+use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use omniwalk_sim2real::recording::Recording;
 
 use super::named;
 use super::record::{NOISE, record, record_on_rigid_ground};
-use super::rig::{Files, load, write};
+use super::rig::{Files, identify_files, load};
 
 const URDF: &str = r#"<robot name="swayer"><link name="trunk"><inertial><origin xyz="0 0 0.1"/><mass value="4"/><inertia ixx="0.05" iyy="0.05" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <link name="leg"><inertial><origin xyz="0 0 -0.15"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -56,17 +56,7 @@ fn logs(truth: &Robot, ground: Ground, count: u64, first: u64) -> Vec<Recording>
 /// What is found in `logs`.
 fn found(logs: Vec<Recording>, heldout: Vec<Recording>) -> Outcome {
     let folder = tempfile::tempdir().expect("a folder");
-    write(folder.path(), FILES);
-    let open = || Ok(heldout.clone());
-    let task = Task {
-        robot: &walker(None),
-        files: (folder.path().join("rig.urdf"), Some(folder.path().join("robot.toml"))),
-        logs,
-        heldout: Some(&open),
-        compare: false,
-        out: folder.path(),
-    };
-    identify::run(&task, &|line| println!("{line}")).expect("an outcome")
+    identify_files(folder.path(), FILES, &walker(None), logs, Some(heldout))
 }
 
 #[test]

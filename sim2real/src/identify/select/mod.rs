@@ -119,6 +119,8 @@ pub struct Selector<'a> {
     pub negligible: f64,
     /// Effects that may take another's place; all when `None`.
     pub rivals: Option<&'a [(Kind, usize)]>,
+    /// Limbs that are looked at alike, this among them: an effect is the best of those of all of them.
+    pub limbs: usize,
 }
 
 /// A fit with its cross-validated loss.
@@ -164,6 +166,7 @@ impl<'a> Selector<'a> {
             floor: floor.squares(data),
             negligible: floor.negligible_squares(data),
             rivals: None,
+            limbs: 1,
         }
     }
 
@@ -189,10 +192,10 @@ impl<'a> Selector<'a> {
         self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
     }
 
-    /// Whether `after` predicts better than `before` by what is worth it, and beyond chance for the best of `count`.
+    /// Whether `after` predicts better than `before` by what is worth it, and beyond chance for the best of `count` in every limb.
     fn is_better(&self, before: &Judged, after: &Judged, count: usize) -> bool {
         let gain = self.folds.gain(&before.cross, &after.cross);
-        self.worth(before, after, &gain) && gain.p * count as f64 <= FALSE_ALARM
+        self.worth(before, after, &gain) && gain.p * (count * self.limbs) as f64 <= FALSE_ALARM
     }
 
     fn judge(&self, fit: Fit) -> Judged {
@@ -279,19 +282,15 @@ impl<'a> Selector<'a> {
         let alike = self.exchange(&mut steps);
         let p_values = self.p_values(&mut steps);
         let most_taken = steps.rejected.iter().map(|r| r.most).fold(0.0, f64::max);
-        let Steps {
-            now,
-            mut rejected,
-            most,
-            ..
-        } = steps;
+        let tried = steps.most * self.limbs;
+        let Steps { now, mut rejected, .. } = steps;
         for rejected in &mut rejected {
             rejected.reason = match rejected.at_best {
                 _ if curves.contains(&(rejected.kind, rejected.target)) => {
                     "one of several that together are a curve over position".to_owned()
                 }
                 Some(share) => format!("not fitted: takes {:.1} % to first order, others more", 100.0 * share),
-                None => self.reason(&rejected.gain, most),
+                None => self.reason(&rejected.gain, tried),
             };
         }
         rejected.retain(|r| !now.fit.model.has(r.kind, r.target));
@@ -301,7 +300,7 @@ impl<'a> Selector<'a> {
             p_values,
             rejected,
             alike,
-            tried: most,
+            tried,
             best: most_taken,
         }
     }

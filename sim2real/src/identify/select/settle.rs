@@ -100,7 +100,7 @@ impl Selector<'_> {
             let mut model = now.fit.model.clone();
             model.terms.remove(i);
             let without = self.known(steps, &model);
-            (self.folds.gain(&without.cross, &now.cross).p * steps.most.max(1) as f64).min(1.0)
+            (self.folds.gain(&without.cross, &now.cross).p * (steps.most.max(1) * self.limbs) as f64).min(1.0)
         };
         (0..now.fit.model.terms.len()).map(one).collect()
     }

@@ -1,0 +1,180 @@
+//! What is found of a limb: re-tuning, then effects, at the physics step that suffices.
+
+use std::sync::Arc;
+
+use omniwalk_env::effect::Kind;
+use omniwalk_env::engine::EngineError;
+use omniwalk_env::robot::Robot;
+
+use super::cross::Folds;
+use super::fit::{Data, total};
+use super::found::Found;
+use super::leftover::{self, COARSE, Floor, TOO_COARSE};
+use super::model::{Model, Term};
+use super::own::Own;
+use super::scales::Scales;
+use super::select::{LESSER, Selection, Selector};
+use super::trial::Trial;
+use super::{IdentifyError, information, interval, supply};
+
+/// A torque limit that is looked for below the nominal one begins at this share of it.
+const LOWER_LIMIT: f64 = 0.7;
+/// Physics steps a millisecond where one is too coarse.
+const FINER: usize = 4;
+
+/// How to look.
+#[derive(Clone, Copy, Debug)]
+pub struct Search {
+    /// Limbs that are looked at alike: an effect is the best of those of all of them.
+    pub limbs: usize,
+    /// Whether every effect at once is fitted too, to compare with.
+    pub compare: bool,
+}
+
+/// Finds what the model of `robot`, a limb or a whole robot, lacks in `trials`, which come back with the starts that were fitted; `log`
+/// hears of progress.
+///
+/// # Errors
+/// When a trial is none of this robot's, or an engine does not take the robot.
+pub fn find(
+    robot: &Robot,
+    trials: Vec<Trial>,
+    search: Search,
+    log: &dyn Fn(&str),
+) -> Result<(Found, Vec<Trial>), IdentifyError> {
+    let scales = Scales::new(robot, &trials);
+    let mut data = Data::new(robot, trials)?;
+    let folds = Folds::new(&data);
+    let nominal = Model::nominal(robot, &data.trials);
+    let information = information::information(robot, &mut data, &nominal, &scales);
+    let untold = information::untold(&information);
+    if !untold.is_empty() {
+        log(&format!("these logs cannot tell {untold}"));
+    }
+    let (selection, floor) = Way {
+        robot,
+        scales: &scales,
+        folds: &folds,
+        limbs: search.limbs,
+        log,
+    }
+    .choose(&mut data, &nominal)?;
+    let selector = Selector {
+        limbs: search.limbs,
+        ..Selector::new(robot, &data, &scales, &folds, &floor)
+    };
+    let all_at_once = search.compare.then(|| selector.all_at_once(&selection.refit.model));
+    let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
+    let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
+    let supplies = supply::sets(&selector, &selection.last, &intervals);
+    let last = &selection.last.model;
+    let without = |i: usize| {
+        let mut without = last.clone();
+        without.terms.remove(i);
+        data.fit(&without, &scales, &|_| true).model
+    };
+    let found = Found {
+        without: (0..last.terms.len()).map(without).collect(),
+        refit: selection.refit.model,
+        last: selection.last.model,
+        all_at_once,
+        intervals,
+        p_values: selection.p_values,
+        rejected: selection.rejected,
+        alike: selection.alike,
+        supplies,
+        tried: selection.tried,
+        left,
+        floor,
+        information,
+        folds: folds.by,
+        finer: data.finer,
+    };
+    Ok((found, Arc::unwrap_or_clone(data.trials)))
+}
+
+/// What was chosen at a physics step, and the floor there.
+type Choice = (Selection, Floor);
+
+/// Where steps begin: the re-tuned model, the effects it has already, and what may take their place.
+type From<'a> = (&'a Model, &'a [Term], Option<&'a [(Kind, usize)]>);
+
+/// What all stages work with.
+struct Way<'a> {
+    robot: &'a Robot,
+    scales: &'a Scales,
+    folds: &'a Folds,
+    limbs: usize,
+    log: &'a dyn Fn(&str),
+}
+
+impl Way<'_> {
+    /// Re-tunes the nominal model, then takes the effects that help; where the physics step is too coarse for a model on the
+    /// way, it is made finer, and the steps go on from there.
+    fn choose(&self, data: &mut Data, nominal: &Model) -> Result<Choice, EngineError> {
+        // Joints that are measured well count as much as those that are not: each in units of what the re-tuned model leaves.
+        data.weights = leftover::weights(data, nominal);
+        let mut tuned = self.retuned(data, nominal);
+        data.fit_starts(&tuned)?;
+        if data.is_free() {
+            // A finer step is another model of contact too: what the step changes counts as the floor's.
+            return self.steps(data, (&tuned, &[], None));
+        }
+        if leftover::is_coarse(data, &tuned, TOO_COARSE)? {
+            return self.fine(data, (&tuned, &[], None));
+        }
+        let (selection, floor) = self.steps(data, (&tuned, &[], None))?;
+        if !leftover::is_coarse(data, &selection.last.model, COARSE)? {
+            return Ok((selection, floor));
+        }
+        (self.log)("the physics step is too coarse for what was found: on with a finer one");
+        let rivals = selection.rivals();
+        tuned.tuned.clone_from(&selection.refit.model.tuned);
+        self.fine(data, (&tuned, &selection.last.model.terms, Some(&rivals)))
+    }
+
+    /// The nominal model re-tuned, from its values and with lower torque limits: a limit that the nominal robot does not reach has no
+    /// slope that would lead to one that the real robot does.
+    fn retuned(&self, data: &Data, nominal: &Model) -> Model {
+        let from = |share: f64| {
+            let mut model = nominal.clone();
+            let limits = model.tuned.iter_mut().filter(|tuned| tuned.own == Own::TorqueLimit);
+            limits.for_each(|tuned| tuned.value *= share);
+            data.fit(&model, self.scales, &|_| true)
+        };
+        let [as_told, lower] = [from(1.0), from(LOWER_LIMIT)];
+        let better = total(&lower.losses) < (1.0 - LESSER) * total(&as_told.losses);
+        if better { lower.model } else { as_told.model }
+    }
+
+    /// The same at a finer physics step.
+    fn fine(&self, data: &mut Data, (tuned, terms, rivals): From<'_>) -> Result<Choice, EngineError> {
+        data.finer = FINER;
+        let tuned = data.fit(tuned, self.scales, &|_| true).model;
+        self.steps(data, (&tuned, terms, rivals))
+    }
+
+    /// Steps at the data's physics step.
+    fn steps(&self, data: &mut Data, (tuned, terms, rivals): From<'_>) -> Result<Choice, EngineError> {
+        data.weights = leftover::weights(data, tuned);
+        let mut floor = Floor::new(data, tuned, self.scales)?;
+        if data.is_free() {
+            data.weights = floor.inverse();
+            floor = floor.weighted(&data.weights);
+        }
+        let data = &*data;
+        (self.log)(&format!(
+            "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",
+            leftover::root(data, tuned),
+            floor.root(),
+            data.finer
+        ));
+        let selector = Selector {
+            rivals,
+            limbs: self.limbs,
+            ..Selector::new(self.robot, data, self.scales, self.folds, &floor)
+        };
+        let selection = selector.run(tuned, terms, self.log);
+        Ok((selection, floor))
+    }
+}

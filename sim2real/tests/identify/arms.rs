@@ -1,0 +1,50 @@
+//! Two arms on one base: each is looked at by itself.
+
+use omniwalk_env::effect::{self, Effect, Kind};
+use omniwalk_sim2real::identify::Verdict;
+
+use super::record::record;
+use super::rig::{Files, identify_files, load};
+
+const URDF: &str = r#"<robot name="arms"><link name="base"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="left_arm"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="right_arm"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="left" type="continuous"><parent link="base"/><child link="left_arm"/><axis xyz="0 1 0"/></joint>
+<joint name="right" type="continuous"><parent link="base"/><child link="right_arm"/><axis xyz="0 1 0"/></joint></robot>"#;
+const TOML: &str = "base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\nkp = 3.0\nkd = 0.05\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\ndamping = 0.02\nfriction = 0.04\n";
+const FILES: Files = (URDF, TOML);
+
+#[test]
+fn what_each_arm_lacks_is_named_with_its_joint() {
+    let nominal = load(FILES);
+    let [left, right] = ["left", "right"].map(|name| {
+        (0..2)
+            .find(|&d| nominal.dof(d).name == name)
+            .expect("a joint of the robot")
+    });
+    let mut truth = nominal.clone();
+    truth.joints[truth.dofs[left]].passive.damping *= 2.0;
+    effect::apply(&mut truth, &Effect::new(Kind::CommandRateLimit, right, &[2.0]));
+    let logs = |count: u64, first: u64| {
+        let log = |seed: u64| {
+            let beat = 1.3 + 0.4 * (seed % 7) as f64;
+            record(&truth, seed, |d, t| {
+                let phase = (beat + 0.3 * d as f64) * t;
+                0.5 * phase.sin() + 0.4 * (2.7 * phase).sin()
+            })
+        };
+        (first..first + count).map(log).collect()
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = identify_files(folder.path(), FILES, &nominal, logs(4, 1), Some(logs(2, 100)));
+    assert_eq!(outcome.verdict, Verdict::Explained);
+    let named = outcome.accepted.iter().map(|a| (a.effect, a.target.as_str()));
+    assert_eq!(named.collect::<Vec<_>>(), [("command_rate_limit", "right")]);
+    assert!(outcome.gap_closed.expect("a gap") > 0.8);
+    let damping = |joint: &str| {
+        let retuned = &outcome.retuned[joint];
+        retuned["damping"].value + retuned["kd"].value
+    };
+    assert!((damping("left") / 0.09 - 1.0).abs() < 0.05, "{}", damping("left"));
+    assert!((damping("right") / 0.07 - 1.0).abs() < 0.05, "{}", damping("right"));
+}
