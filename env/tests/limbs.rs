@@ -42,7 +42,7 @@ fn limbs_move_as_they_do_on_the_whole_robot() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/nimbro_op2x");
     let mut whole = robot::load(std::path::Path::new(path)).expect("a robot").on_a_stand();
     let last = whole.dofs.len() - 1;
-    effect::apply(&mut whole, &Effect::new(Kind::Backlash, last, &[0.02, 0.0]));
+    effect::apply(&mut whole, &Effect::new(Kind::Backlash, last, &[0.02, 0.0, 0.7]));
     let names: Vec<String> = (0..=last).map(|d| whole.dof(d).name.clone()).collect();
     let all = swung(&whole, &names);
     let limbs = whole.limbs();

@@ -20,6 +20,9 @@ PRESLIDING = 1.5e-4
 COUPLING = 900.0
 """Angular frequency of a rotor on the flanks of its gap, rad/s."""
 
+COUPLING_DAMPING = 0.3
+"""Share of the critical damping of a rotor on what it turns the joint by, where the case does not say."""
+
 ROTOR_FRICTION = 0.2
 """Share of dry friction that sits before a gap: at the motor."""
 
@@ -162,13 +165,17 @@ class Actuator:
             torque -= self._value("cable_spring", "torque") * math.tanh(2.0 * stretched) * (1.0 + stretched)
         return torque
 
+    def _coupling_damping(self) -> float:
+        name = "backlash" if "backlash" in self.effects else "elasticity"
+        return self._value(name, "coupling_damping", COUPLING_DAMPING)
+
     def coupling(self, twist: float, twist_rate: float) -> float:
         """Torque from the rotor to the link of a two-body joint: a spring outside the gap."""
         half_gap = 0.5 * self._value("backlash", "gap")
         soft = self._value("elasticity", "compliance")
         inertia = self.servo.armature
         stiffness = 1.0 / soft if soft else inertia * COUPLING**2
-        damping = 0.1 * math.sqrt(stiffness * inertia)
+        damping = 2.0 * self._coupling_damping() * math.sqrt(stiffness * inertia)
         if abs(twist) <= half_gap:
             return 0.0
         return stiffness * (twist - math.copysign(half_gap, twist)) + damping * twist_rate

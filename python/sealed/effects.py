@@ -12,6 +12,10 @@ import numpy as np
 
 Range = tuple[float, float]
 
+COUPLING_DAMPING: Range = (0.25, 0.5)
+"""Damping of a rotor on play or spring, as a share of the critical one. With less, servos that look at the joint shake machines to and fro
+all the time: nobody records one that does."""
+
 INSIDE: dict[str, dict[str, Range]] = {
     "command_delay": {"time": (0.012, 0.035)},
     "command_rate_limit": {"speed": (0.25, 0.45)},
@@ -21,8 +25,8 @@ INSIDE: dict[str, dict[str, Range]] = {
     "stribeck_friction": {"torque": (0.15, 0.3), "velocity": (0.1, 0.35)},
     "load_dependent_friction": {"coefficient": (0.12, 0.3)},
     "directional_friction": {"torque": (0.07, 0.15)},
-    "backlash": {"gap": (0.025, 0.06)},
-    "elasticity": {"compliance": (0.04, 0.1)},
+    "backlash": {"gap": (0.025, 0.06), "coupling_damping": COUPLING_DAMPING},
+    "elasticity": {"compliance": (0.04, 0.1), "coupling_damping": COUPLING_DAMPING},
     "position_ripple": {"amplitude": (0.12, 0.25), "frequency": (0.6, 1.6), "phase": (0.0, 2 * np.pi)},
     "payload": {"mass": (0.12, 0.3)},
     "sensor_offset": {"offset": (0.03, 0.08)},
@@ -30,7 +34,7 @@ INSIDE: dict[str, dict[str, Range]] = {
     "external_force": {"torque": (0.1, 0.25)},
 }
 """Effects a library has. Torques are shares of the machine's typical torque (gravity), speeds of the motion's fastest,
-compliance is a share of the motion per typical torque, a payload a share of the moved mass, other values absolute (SI);
+compliance is a share of the motion per typical torque, a payload a share of the moved mass, other values absolute (SI) or shares;
 frequency is in cycles per rad."""
 
 OUTSIDE: dict[str, tuple[dict[str, Range], list[str]]] = {
@@ -59,8 +63,8 @@ PAIRS = [
 WALKER_INSIDE: dict[str, dict[str, Range]] = {
     **{name: ranges for name, ranges in INSIDE.items() if name != "directional_friction"},
     "coulomb_friction": {"torque": (0.15, 0.35)},
-    "backlash": {"gap": (0.01, 0.03)},
-    "elasticity": {"compliance": (0.01, 0.03)},
+    "backlash": {"gap": (0.01, 0.03), "coupling_damping": COUPLING_DAMPING},
+    "elasticity": {"compliance": (0.01, 0.03), "coupling_damping": COUPLING_DAMPING},
 }
 """Of a machine that walks. Its servos, which look at the joint, get no hold of a trunk behind more play or a softer spring. Its
 maker knows of no dry friction, and what differs between the directions needs some: plain dry friction stands in its place."""
@@ -152,7 +156,7 @@ def draw_case(
 
 WORN: dict[str, dict[str, Range]] = {
     "coulomb_friction": {"torque": (0.4, 0.8)},
-    "backlash": {"gap": (0.02, 0.04)},
+    "backlash": {"gap": (0.02, 0.04), "coupling_damping": COUPLING_DAMPING},
     "command_delay": {"time": (0.02, 0.04)},
 }
 """What is wrong with a worn knee, all at once: more of it than of single faults, so that a policy feels it."""

@@ -194,10 +194,16 @@ impl Friction {
         (*bent * direction).max(0.0)
     }
 
-    /// Torque of what differs between the directions: the dry part is the same at rest, where friction may hold
-    /// anything between its two bounds.
+    /// Of dry friction that would be bounded by `bound` in both directions: what it is bounded by about a torque, and that torque, so that
+    /// neither direction has less than none.
+    pub fn sides(&self, bound: f64) -> (f64, f64) {
+        let [forward, backward] = [self.more_forward, -self.more_forward].map(|more| (bound + more).max(0.0));
+        (0.5 * (forward + backward), -0.5 * (forward - backward))
+    }
+
+    /// Torque of what viscous friction differs between the directions.
     pub fn torque(&self, velocity: f64) -> f64 {
-        -self.more_forward - self.more_damped_forward * velocity.abs()
+        -self.more_damped_forward * velocity.abs()
     }
 }
 

@@ -113,8 +113,14 @@ impl Model {
             Kind::DirectionalFriction => {
                 (self.friction.more_forward, self.friction.more_damped_forward) = (v[0], v[1]);
             }
-            Kind::Backlash => (self.transmission.gap, self.transmission.motor_encoder) = (v[0], v[1] > 0.5),
-            Kind::Elasticity => (self.transmission.compliance, self.transmission.motor_encoder) = (v[0], v[1] > 0.5),
+            Kind::Backlash => {
+                (self.transmission.gap, self.transmission.motor_encoder) = (v[0], v[1] > 0.5);
+                self.transmission.gap_damping_ratio = v[2];
+            }
+            Kind::Elasticity => {
+                (self.transmission.compliance, self.transmission.motor_encoder) = (v[0], v[1] > 0.5);
+                self.transmission.spring_damping_ratio = v[2];
+            }
             Kind::PositionRipple => {
                 (self.outside.sine, self.outside.cosine, self.outside.frequency) = (v[0], v[1], v[2]);
             }
@@ -213,7 +219,8 @@ impl Model {
         let stiffness = told.stiffness * self.sensor.scale * self.supply;
         let transmitted = memory.motor - self.armature * (velocity - memory.velocity) / self.dt;
         let built = self.friction.built(&mut memory.bent, velocity * self.dt);
-        *drive.friction = built * self.friction.bound(velocity, transmitted);
+        let (bound, one_sided) = self.friction.sides(built * self.friction.bound(velocity, transmitted));
+        *drive.friction = bound;
         let table = self.table.as_ref().map_or(0.0, |table| {
             table.torque(|variable| match variable {
                 Variable::Position => position,
@@ -222,7 +229,7 @@ impl Model {
                 Variable::Torque => memory.motor,
             })
         });
-        let extra = self.friction.torque(velocity) + self.outside.torque(position) + table + outside;
+        let extra = one_sided + self.friction.torque(velocity) + self.outside.torque(position) + table + outside;
         memory.velocity = velocity;
         if self.transmission.is_split() {
             let servo = Servo {

@@ -22,6 +22,10 @@ pub(super) const BACKLASH: Info = Info {
             what: "free play between motor and joint",
         },
         ENCODER,
+        damping_ratio(
+            DAMPING_RATIO,
+            "damping of the rotor against the ends of the gap over the critical one: how little it bounces",
+        ),
     ],
     what: "the motor moves the joint only at the ends of a gap",
 };
@@ -41,6 +45,10 @@ pub(super) const ELASTICITY: Info = Info {
             what: "twist per torque between motor and joint",
         },
         ENCODER,
+        damping_ratio(
+            SPRING_DAMPING_RATIO,
+            "damping of the rotor on the spring over the critical one",
+        ),
     ],
     what: "motor and joint are coupled by a spring",
 };
@@ -55,13 +63,28 @@ const ENCODER: Parameter = Parameter {
     what: "where the encoder sits: 0 at the joint, 1 at the motor",
 };
 
+/// How a rotor comes to rest on what it moves the joint by: it bounces, or does not.
+const fn damping_ratio(default: f64, what: &'static str) -> Parameter {
+    Parameter {
+        name: "damping_ratio",
+        scale: Scale::One,
+        neutral: None,
+        starts: &[0.05, 0.7],
+        bounds: Bounds { lower: 0.0, upper: 2.0 },
+        default: Some(default),
+        what,
+    }
+}
+
 /// Stiffest coupling: angular frequency of the rotor on it, rad/s. Beats of 12 ms are short against everything a servo does.
 const STIFFEST: f64 = 500.0;
 /// The same over the physics rate: a beat of twelve steps and a half. A stiffer end of a gap is met by steps too coarse for it, and robots
 /// with play in every joint went non-finite in rapier at 200 Hz. At 1 kHz both bounds are one.
 const STIFFEST_IN_A_STEP: f64 = 0.5;
-/// Damping ratio of the rotor on the coupling.
+/// Damping ratio of a rotor against the ends of its gap, where nothing else is known: it hardly bounces.
 const DAMPING_RATIO: f64 = 0.7;
+/// Damping ratio of a rotor on a spring.
+const SPRING_DAMPING_RATIO: f64 = 0.05;
 /// Bound of a torque that is not bounded, N m or N: far beyond all and finite in single precision.
 const STRONGEST: f64 = 1e12;
 /// Inertia of a rotor whose armature is not known, as a share of what the joint moves.
@@ -73,9 +96,14 @@ pub(super) struct Transmission {
     pub gap: f64,
     pub compliance: f64,
     pub motor_encoder: bool,
+    /// Of the rotor against the ends of the gap.
+    pub gap_damping_ratio: f64,
+    /// Of the rotor on the spring.
+    pub spring_damping_ratio: f64,
     /// Inertia of the rotor, kg m^2 or kg.
     pub rotor: f64,
     stiffness: f64,
+    /// By how much the torque falls with the velocity at which rotor and joint part.
     damping: f64,
 }
 
@@ -134,8 +162,14 @@ impl Transmission {
         } else {
             stiffest
         };
+        let ratio = if self.gap > 0.0 {
+            self.gap_damping_ratio
+        } else {
+            self.spring_damping_ratio
+        };
+        // A spring that is bent as far as it will be at the end of the step damps by itself, and counts as that.
         let critical = 2.0 * (self.rotor * self.stiffness).sqrt();
-        self.damping = if self.gap > 0.0 { DAMPING_RATIO } else { 0.1 } * critical;
+        self.damping = (ratio * critical).max(dt * self.stiffness);
     }
 
     /// The rotor of a joint at `position` with `velocity`, with which it moves: at the end of the gap that pushes where the
@@ -160,7 +194,7 @@ impl Transmission {
         // Without contact there is neither spring nor slope.
         let (spring, slope) = touched.map_or((0.0, 0.0), |end| {
             let bent = rotor.position - end - position;
-            (self.stiffness * bent, dt * self.stiffness + self.damping)
+            (self.stiffness * bent, self.damping)
         });
         // The rotor's velocity after the step over `alpha + beta v` with the joint's velocity v after it.
         let answer = |motor: &Motor| {

@@ -22,7 +22,7 @@ fn effects_at_their_neutral_values_change_no_bit() {
         let values = kind.info().parameters.iter().map(|p| p.neutral.unwrap_or(1e3));
         let values: Vec<f64> = match kind {
             Kind::SupplyVoltage => vec![12.0, 12.0],
-            Kind::Backlash | Kind::Elasticity => vec![0.0, 0.0],
+            Kind::Backlash | Kind::Elasticity => vec![0.0, 0.0, 0.5],
             _ => values.collect(),
         };
         assert_eq!(lanes(&rig(&[(*kind, &values)]), 2.0, swing), nominal, "{}", kind.id());
@@ -42,10 +42,10 @@ fn every_effect_changes_the_motion_and_stays_within_bounds_in_both_engines() {
         (Kind::StribeckFriction, &[0.2, 0.3, 1e-3]),
         (Kind::LoadDependentFriction, &[0.3, 0.1, 0.2, 0.5]),
         (Kind::DirectionalFriction, &[0.05, 0.02]),
-        (Kind::Backlash, &[0.05, 0.0]),
-        (Kind::Backlash, &[0.05, 1.0]),
-        (Kind::Elasticity, &[0.05, 0.0]),
-        (Kind::Elasticity, &[0.05, 1.0]),
+        (Kind::Backlash, &[0.05, 0.0, 0.7]),
+        (Kind::Backlash, &[0.05, 1.0, 0.05]),
+        (Kind::Elasticity, &[0.05, 0.0, 0.05]),
+        (Kind::Elasticity, &[0.05, 1.0, 0.7]),
         (Kind::PositionRipple, &[0.1, 0.05, 3.0]),
         (Kind::SensorOffset, &[0.05]),
         (Kind::SensorScale, &[1.1]),
@@ -81,7 +81,7 @@ fn an_arm_leans_on_one_end_of_its_gap_and_reaches_through_it() {
     let spring = armature * 500.0 * 500.0;
     for gap in [0.1, 1e-9] {
         let seconds = 3.0;
-        let held = *lanes(&rig(&[(Kind::Backlash, &[gap, 1.0])]), seconds, |_| 1.0)
+        let held = *lanes(&rig(&[(Kind::Backlash, &[gap, 1.0, 0.7])]), seconds, |_| 1.0)
             .last()
             .expect("readings");
         // The motor carries the arm either way; its encoder does not see the gap, so the arm hangs half a gap and what the
@@ -225,7 +225,7 @@ fn actuators_go_on_with_the_same_bits_after_restoring() {
     let robot = rig(&[
         (Kind::CommandDelay, &[0.02]),
         (Kind::SensorDelay, &[0.01]),
-        (Kind::Elasticity, &[0.01, 1.0]),
+        (Kind::Elasticity, &[0.01, 1.0, 0.05]),
     ]);
     let mut engine = Lanes::new(&robot, DT, 1, Simd::Scalar).expect("an engine");
     run(&robot, &mut engine, DT, 0.1, swing);
@@ -250,7 +250,7 @@ fn a_gap_of_nothing_is_no_gap() {
     let armature = rig(&[]).joints[0].passive.armature;
     let soft = 1.0 / (armature * 500.0 * 500.0);
     for encoder in [0.0, 1.0] {
-        let closed = lanes(&rig(&[(Kind::Backlash, &[1e-9, encoder])]), 2.0, swing);
+        let closed = lanes(&rig(&[(Kind::Backlash, &[1e-9, encoder, 0.7])]), 2.0, swing);
         let worst = nominal
             .iter()
             .zip(&closed)

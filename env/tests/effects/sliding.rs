@@ -39,10 +39,10 @@ fn every_effect_changes_a_sliding_joint_alike_in_both_engines() {
         (Kind::StribeckFriction, &[2.0, 0.03, 1e-4]),
         (Kind::LoadDependentFriction, &[0.3, 0.01, 0.2, 0.05]),
         (Kind::DirectionalFriction, &[0.5, 0.2]),
-        (Kind::Backlash, &[0.005, 0.0]),
-        (Kind::Backlash, &[0.005, 1.0]),
-        (Kind::Elasticity, &[5e-4, 0.0]),
-        (Kind::Elasticity, &[5e-4, 1.0]),
+        (Kind::Backlash, &[0.005, 0.0, 0.7]),
+        (Kind::Backlash, &[0.005, 1.0, 0.05]),
+        (Kind::Elasticity, &[5e-4, 0.0, 0.05]),
+        (Kind::Elasticity, &[5e-4, 1.0, 0.05]),
         (Kind::PositionRipple, &[1.0, 0.5, 30.0]),
         (Kind::SensorOffset, &[0.005]),
         (Kind::SensorScale, &[1.1]),
@@ -68,7 +68,6 @@ fn a_carriage_rests_where_its_forces_in_newtons_say_in_both_engines() {
         (Kind::CommandDeadBand, &[0.005], target - 0.005 - WEIGHT / KP),
         (Kind::SupplyVoltage, &[9.0, 12.0], target - WEIGHT / (0.75 * KP)),
         (Kind::ExternalForce, &[2.0], target - (WEIGHT - 2.0) / KP),
-        (Kind::DirectionalFriction, &[0.5, 0.2], target - (WEIGHT + 0.5) / KP),
         (Kind::Mass, &[1.2], target - 1.2 * WEIGHT / KP),
         (
             Kind::Payload,
@@ -78,8 +77,8 @@ fn a_carriage_rests_where_its_forces_in_newtons_say_in_both_engines() {
         // The servo brings what it reads to where the weight bends it, wherever the carriage is.
         (Kind::SensorOffset, &[0.005], target - WEIGHT / KP),
         (Kind::SensorScale, &[1.1], target - WEIGHT / KP),
-        (Kind::Elasticity, &[5e-4, 1.0], target - WEIGHT / KP),
-        (Kind::Backlash, &[0.005, 1.0], target - WEIGHT / KP),
+        (Kind::Elasticity, &[5e-4, 1.0, 0.05], target - WEIGHT / KP),
+        (Kind::Backlash, &[0.005, 1.0, 0.7], target - WEIGHT / KP),
     ];
     for (kind, values, expected) in cases {
         let mut robot = carriage();
@@ -109,4 +108,31 @@ fn the_place_of_a_sliding_mass_changes_no_bit() {
     let nominal = lanes(&robot, 2.0, swing);
     effect::apply(&mut robot, &Effect::new(Kind::CentreOfMass, 1, &[0.01, 0.0, 0.02]));
     assert_eq!(lanes(&robot, 2.0, swing), nominal);
+}
+
+/// Half a newton more forward than backward where there is no other dry friction: half a newton forward, and none backward, which would
+/// push.
+#[test]
+fn friction_of_one_direction_never_drives_a_carriage() {
+    let mut robot = carriage();
+    effect::apply(&mut robot, &Effect::new(Kind::DirectionalFriction, 0, &[0.5, 0.0]));
+    let (speed, seconds) = (0.01, 6.0);
+    let mass = robot.links[1].inertial.mass + ARMATURE;
+    for (direction, resisted) in [(1.0, 0.5), (-1.0, 0.0)] {
+        let velocity = direction * speed;
+        for readings in [
+            lanes(&robot, seconds, |t| velocity * t),
+            rapier(&robot, seconds, |t| velocity * t),
+        ] {
+            let q = readings[readings.len() - 1];
+            // Of the last step's target.
+            let expected = velocity * (seconds - DT) - (WEIGHT + resisted + KD * velocity) / KP;
+            // A swing dies away as it does at rest.
+            let left = 2.0 * WEIGHT / KP * (-KD / (2.0 * mass) * seconds).exp() + 64.0 * f64::EPSILON;
+            assert!(
+                (q - expected).abs() < left,
+                "{direction}: {q} m, not {expected} m; {left} m left"
+            );
+        }
+    }
 }

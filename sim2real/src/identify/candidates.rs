@@ -34,7 +34,8 @@ pub type Ripples = Vec<Vec<f64>>;
 pub fn refinements(kind: Kind) -> &'static [&'static [usize]] {
     match kind {
         Kind::LoadDependentFriction => &[&[1], &[2, 3]],
-        Kind::StribeckFriction => &[&[2]],
+        Kind::DirectionalFriction => &[&[1]],
+        Kind::StribeckFriction | Kind::Backlash | Kind::Elasticity => &[&[2]],
         _ => &[],
     }
 }
@@ -161,11 +162,14 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
         held: false,
     };
     match kind {
-        Kind::Backlash | Kind::Elasticity => [0.0, 1.0]
-            .iter()
-            .map(|&encoder| ladder(0).into_iter().map(|x| term(vec![x, encoder], vec![0])).collect())
-            .collect(),
-        Kind::DirectionalFriction => vec![vec![term(vec![0.0, 0.0], vec![0, 1])]],
+        // A rotor that bounces makes another motion of the joint than one that does not, and no slope leads from one to the other.
+        Kind::Backlash | Kind::Elasticity => {
+            let each = |x: f64, encoder: f64| start(2).into_iter().map(move |ratio| vec![x, encoder, ratio]);
+            let at = |encoder: f64| ladder(0).into_iter().flat_map(move |x| each(x, encoder));
+            let terms = |encoder: f64| at(encoder).map(|values| term(values, vec![0])).collect();
+            vec![terms(0.0), terms(1.0)]
+        }
+        Kind::DirectionalFriction => vec![vec![term(vec![0.0, 0.0], vec![0])]],
         Kind::StribeckFriction => {
             let each = |torque: f64| start(1).into_iter().map(move |v| vec![torque, v, 0.0]);
             vec![

@@ -26,8 +26,8 @@ pub struct Found {
     pub rejected: Vec<Rejected>,
     /// What cannot be told apart.
     pub alike: Vec<Alike>,
-    /// Sets of re-tuned numbers with the supply that would do the same.
-    pub supplies: Vec<Vec<String>>,
+    /// Sets of re-tuned numbers with what would move them as one.
+    pub causes: Vec<Vec<String>>,
     /// Effects tried in the largest step.
     pub tried: usize,
     /// What is left.
@@ -99,7 +99,7 @@ impl Found {
             p_values: [self.p_values, other.p_values].concat(),
             rejected: [self.rejected, other.rejected].concat(),
             alike: [self.alike, other.alike].concat(),
-            supplies: [self.supplies, other.supplies].concat(),
+            causes: [self.causes, other.causes].concat(),
             tried: self.tried.max(other.tried),
             left: self.left.and(other.left),
             floor: self.floor.and(&other.floor),

@@ -15,7 +15,7 @@ use super::own::Own;
 use super::scales::Scales;
 use super::select::{LESSER, Selection, Selector};
 use super::trial::Trial;
-use super::{IdentifyError, information, interval, supply};
+use super::{IdentifyError, causes, information, interval};
 
 /// A torque limit that is looked for below the nominal one begins at this share of it.
 const LOWER_LIMIT: f64 = 0.7;
@@ -66,7 +66,7 @@ pub fn find(
     let all_at_once = search.compare.then(|| selector.all_at_once(&selection.refit.model));
     let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
     let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
-    let supplies = supply::sets(&selector, &selection.last, &intervals);
+    let common = causes::sets(&selector, &selection.last, &intervals);
     let last = &selection.last.model;
     let without = |i: usize| {
         let mut without = last.clone();
@@ -82,7 +82,7 @@ pub fn find(
         p_values: selection.p_values,
         rejected: selection.rejected,
         alike: selection.alike,
-        supplies,
+        causes: common,
         tried: selection.tried,
         left,
         floor,

@@ -14,6 +14,7 @@
 
 mod base;
 mod candidates;
+mod causes;
 mod contact;
 mod cross;
 mod fit;
@@ -36,7 +37,7 @@ mod select;
 mod split;
 mod starts;
 mod state;
-mod supply;
+
 mod torque;
 mod trial;
 mod write;

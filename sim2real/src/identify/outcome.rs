@@ -56,7 +56,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
     let gap = |sets: &Sets| sets.heldout.overall() - floor;
     let gap_closed = (gap(&refit) > 0.0).then(|| 1.0 - gap(&last).max(0.0) / gap(&refit));
     let mut alike: Vec<Vec<String>> = found.alike.iter().map(|alike| set(robot, alike)).collect();
-    alike.extend_from_slice(&found.supplies);
+    alike.extend_from_slice(&found.causes);
     let in_set = |kind, target| found.alike.iter().any(|a| a.chosen == (kind, target));
     let mut accepted = Vec::new();
     for (i, term) in found.last.terms.iter().enumerate() {

@@ -93,7 +93,7 @@ fn friction_under_load_is_found() {
 
 #[test]
 fn play_is_found() {
-    is_found(Kind::Backlash, &[0.06, 0.0]);
+    is_found(Kind::Backlash, &[0.06, 0.0, 0.7]);
 }
 
 #[test]
@@ -130,6 +130,18 @@ fn a_low_supply_is_named_with_what_it_scales() {
     assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
     assert_eq!(outcome.indistinguishable.len(), 1, "{named:?}");
     assert_eq!(named[..2], ["supply_voltage", "kp_scale of hinge"]);
+}
+
+#[test]
+fn a_heavier_arm_is_named_with_what_it_scales() {
+    let mut truth = rig(&[]);
+    let arm = &mut truth.links[1].inertial;
+    arm.mass *= 1.3;
+    arm.inertia *= 1.3;
+    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let named = named(&outcome);
+    assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
+    assert_eq!(named[..3], ["payload", "mass", "kp_scale of hinge"]);
 }
 
 #[test]
