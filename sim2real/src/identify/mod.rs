@@ -5,7 +5,8 @@
 //!     nominal --refit--> re-tuned --select, cross--> + effects --torque--> what is left, and what it depends on
 //! ```
 //!
-//! A robot whose base is held is followed through whole logs. One that walks freely is started anew from the measured state after every
+//! A robot whose base is held is followed through whole logs, each limb by itself (`limb`), and through windows of very long ones
+//! (`windows`). One that walks freely is started anew from the measured state after every
 //! landing of a foot, at least every 0.3 s (multiple shooting), on level ground, with the base as its inertial measurement unit or odometry says and the lowest corners
 //! of its soles at rest on the ground. What nobody measured of these starts is fitted to each stretch and taken out of its residual
 //! (`starts`), and so is what another model of ground contact would change (`contact`).
@@ -40,6 +41,7 @@ mod state;
 
 mod torque;
 mod trial;
+mod windows;
 mod write;
 
 pub use information::Information;
@@ -209,9 +211,10 @@ fn search(task: &Task<'_>, split: &Split, log: &dyn Fn(&str)) -> Result<Option<(
             let joints = (0..limb.robot.dofs.len()).map(|d| limb.robot.dof(d).name.as_str());
             log(&joints.collect::<Vec<_>>().join(", "));
         }
-        let trials: Vec<Trial> = split.fit.iter().map(|trial| trial.of_limb(robot, &limb)).collect();
+        let trials = split.fit.iter().map(|trial| trial.of_limb(robot, &limb)).collect();
+        let trials = windows::chosen(&limb.robot, trials);
         let (found, trials) = limb::find(&limb.robot, trials, search, log)?;
-        if search.limbs == 1 {
+        if robot.base == Base::Floating {
             fitted = trials;
         }
         parts.push((limb, found));

@@ -156,7 +156,7 @@ mod tests {
 
     use super::super::candidates;
     use super::super::rollout;
-    use super::super::trial::Trial;
+    use super::super::trial::{Lengths, Trial};
     use super::*;
     use crate::recording::{JointRecord, Recording, Series};
 
@@ -195,10 +195,14 @@ mod tests {
             joints: vec![swing("shoulder", 2.0), swing("elbow", 2.6)],
             ..Recording::default()
         };
+        let lengths = Lengths {
+            block: 0.5,
+            piece: f64::INFINITY,
+        };
         for (kind, values) in [(Kind::ExternalForce, vec![0.3]), (Kind::CommandDelay, vec![0.015])] {
             let mut truth = robot.clone();
             apply(&mut truth, &Effect::new(kind, ELBOW, &values));
-            let trials = Trial::cut(&robot, &recording, 0, (0.0, f64::INFINITY), 0.5).expect("trials");
+            let trials = Trial::cut(&robot, &recording, 0, (0.0, f64::INFINITY), lengths).expect("trials");
             let mut data = Data::new(&robot, trials).expect("data");
             let scales = Scales::new(&robot, &data.trials);
             for trial in Arc::make_mut(&mut data.trials) {

@@ -7,8 +7,8 @@ use omniwalk_env::robot::{Base, Robot};
 
 use super::fit::Data;
 use super::model::Model;
-use super::trial::{DT, Trial, TrialError};
-use super::{contact, noise};
+use super::trial::{DT, Lengths, Trial, TrialError};
+use super::{contact, noise, windows};
 use crate::recording::Recording;
 
 /// Shortest time of all logs together, s.
@@ -40,23 +40,23 @@ pub struct Split {
 pub fn split(robot: &Robot, logs: &[Recording], given: bool) -> Result<Split, TrialError> {
     if given {
         return Ok(Split {
-            fit: all(robot, logs)?,
+            fit: cut_all(robot, logs, lengths(robot, logs))?,
             heldout: Vec::new(),
             note: "logs that were named as held out".into(),
         });
     }
     let (aside, note) = aside(logs);
-    let block = block(logs);
+    let lengths = lengths(robot, logs);
     let (mut fit, mut heldout) = (Vec::new(), Vec::new());
     for (i, log) in logs.iter().enumerate() {
         if aside.is_empty() {
             let split = 0.75 * log.duration();
-            fit.extend(Trial::cut(robot, log, i, (0.0, split), block)?);
-            heldout.extend(Trial::cut(robot, log, i, (split, f64::INFINITY), block)?);
+            fit.extend(Trial::cut(robot, log, i, (0.0, split), lengths)?);
+            heldout.extend(Trial::cut(robot, log, i, (split, f64::INFINITY), lengths)?);
         } else if aside.contains(&i) {
-            heldout.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), block)?);
+            heldout.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
         } else {
-            fit.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), block)?);
+            fit.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
         }
     }
     renumber(&mut fit);
@@ -83,15 +83,26 @@ pub fn agreed(robot: &Robot, trials: Vec<Trial>) -> Result<Vec<Trial>, super::Id
     Ok(trials)
 }
 
-/// All of `logs`.
+/// All of `logs`, as long at a stretch as they can be followed.
 ///
 /// # Errors
 /// [`TrialError`] when a log is not one of this robot.
 pub fn all(robot: &Robot, logs: &[Recording]) -> Result<Vec<Trial>, TrialError> {
-    let block = block(logs);
+    let piece = f64::INFINITY;
+    cut_all(
+        robot,
+        logs,
+        Lengths {
+            block: block(seconds(logs)),
+            piece,
+        },
+    )
+}
+
+fn cut_all(robot: &Robot, logs: &[Recording], lengths: Lengths) -> Result<Vec<Trial>, TrialError> {
     let mut trials = Vec::new();
     for (i, log) in logs.iter().enumerate() {
-        trials.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), block)?);
+        trials.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
     }
     renumber(&mut trials);
     Ok(trials)
@@ -107,10 +118,23 @@ fn renumber(trials: &mut Vec<Trial>) {
     }
 }
 
-/// Length of a block of time, s: some 60 of all logs together, from half a second to five.
-fn block(logs: &[Recording]) -> f64 {
-    let total: f64 = logs.iter().map(Recording::duration).sum();
-    (total / 60.0).clamp(0.5, 5.0)
+fn seconds(logs: &[Recording]) -> f64 {
+    logs.iter().map(Recording::duration).sum()
+}
+
+/// What logs to fit are cut into: windows to choose from where they hold more than a search follows.
+fn lengths(robot: &Robot, logs: &[Recording]) -> Lengths {
+    let (all, most) = (seconds(logs), windows::most(robot));
+    let piece = if all > most { windows::LENGTH } else { f64::INFINITY };
+    Lengths {
+        block: block(all.min(most)),
+        piece,
+    }
+}
+
+/// Length of a block of time, s: some 60 of `seconds`, from half a second to five.
+fn block(seconds: f64) -> f64 {
+    (seconds / 60.0).clamp(0.5, 5.0)
 }
 
 /// The logs that are set aside, none to set aside the last quarter of the time of each, and what that is called.

@@ -26,7 +26,7 @@ struct Stretch {
     warm_up: f64,
 }
 
-/// Of rigs, arms and robots on a stand.
+/// Of rigs, arms and robots on a stand, where nothing shorter is asked for.
 const HELD: Stretch = Stretch {
     longest: 60.0,
     warm_up: 0.5,
@@ -42,6 +42,15 @@ const FREE: Stretch = Stretch {
 const LANDED: f64 = 0.06;
 /// Pieces between landings that are shorter are not compared, s.
 const SHORTEST: f64 = 0.05;
+
+/// What a log is cut into.
+#[derive(Clone, Copy, Debug)]
+pub struct Lengths {
+    /// Of a block of time, s.
+    pub block: f64,
+    /// Longest piece where the base is held, s.
+    pub piece: f64,
+}
 
 /// Why a log cannot be compared with a robot.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -171,14 +180,15 @@ impl Trial {
         recording: &Recording,
         log: usize,
         (from, to): (f64, f64),
-        block: f64,
+        lengths: Lengths,
     ) -> Result<Vec<Self>, TrialError> {
         let joints = joints(robot, recording)?;
         let free = robot.base == Base::Floating;
         let (known, stretch) = if free {
             (base_known(robot, recording)?, FREE)
         } else {
-            ((f64::NEG_INFINITY, f64::INFINITY), HELD)
+            let longest = HELD.longest.min(lengths.piece);
+            ((f64::NEG_INFINITY, f64::INFINITY), Stretch { longest, ..HELD })
         };
         let first = joints.iter().map(|j| j.position.time[0]).fold(known.0, f64::max);
         let last = joints.iter().map(|j| end(&j.position)).fold(known.1, f64::min);
@@ -189,7 +199,7 @@ impl Trial {
             joints: &joints,
             log,
             from,
-            block,
+            block: lengths.block,
         };
         let piece = |&(begin, end): &(f64, f64)| {
             let start = begin - stretch.warm_up;
