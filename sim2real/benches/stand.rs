@@ -1,4 +1,4 @@
-//! How long identification takes for a log of ten minutes of NimbRo-OP2X on a stand, one of whose knees rubs more towards rest:
+//! How long identification takes for a log of ten minutes of NimbRo-OP2X on a stand, one of whose knees rubs under load, and one of whose shoulders is told late:
 //! `cargo bench -p omniwalk-sim2real --bench stand`.
 
 use std::path::Path;
@@ -28,7 +28,9 @@ const ALONE: f64 = 0.5;
 fn target(d: usize, count: usize, t: f64) -> f64 {
     let share = ALONE * SECONDS / count as f64;
     let own = t - share * d as f64;
-    let swing = |t: f64| 0.15 * (1.7 * t).sin() + 0.1 * ((4.1 + 0.2 * d as f64) * t).sin();
+    // Triangles and steps: what is smooth alone, other gains would explain.
+    let triangle = |t: f64| ((t / (2.9 + 0.1 * d as f64) + 0.25).fract() - 0.5).abs() * 4.0 - 1.0;
+    let swing = |t: f64| 0.15 * triangle(t) + 0.08 * ((4.1 + 0.2 * d as f64) * t).sin().signum();
     match t < ALONE * SECONDS {
         true if (0.0..share).contains(&own) => swing(own) * (own * (share - own)).clamp(0.0, 1.0),
         true => 0.0,
@@ -80,11 +82,14 @@ fn main() {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/nimbro_op2x"));
     let nominal = robot::load(folder).expect("the robot").on_a_stand();
     let mut truth = nominal.clone();
-    let knee = (0..truth.dofs.len()).find(|&d| truth.dof(d).name == "left_knee_pitch");
-    effect::apply(
-        &mut truth,
-        &Effect::new(Kind::StribeckFriction, knee.expect("a knee"), &[4.0, 0.3, 0.0]),
-    );
+    let faults: [(&str, Kind, &[f64]); 2] = [
+        ("left_knee_pitch", Kind::LoadDependentFriction, &[0.5, 0.0, 0.0, 0.1]),
+        ("right_shoulder_pitch", Kind::CommandDelay, &[0.03]),
+    ];
+    for (joint, kind, values) in faults {
+        let at = (0..truth.dofs.len()).find(|&d| truth.dof(d).name == joint);
+        effect::apply(&mut truth, &Effect::new(kind, at.expect("a joint"), values));
+    }
     let log = record(&truth);
     let out = tempfile::tempdir().expect("a folder");
     let task = Task {
@@ -98,6 +103,10 @@ fn main() {
     let begin = Instant::now();
     let outcome = identify::run(&task, &|line| println!("{line}")).expect("an outcome");
     let named = outcome.accepted.iter().map(|a| format!("{} of {}", a.effect, a.target));
+    let [nominal_error, refit, last] =
+        [&outcome.nominal, &outcome.refit, &outcome.last].map(|sets| sets.heldout.overall());
+    let floor = outcome.noise_floor.value.unwrap_or(0.0);
+    println!("off by {nominal_error:.5} rad, re-tuned {refit:.5}, at last {last:.5}, floor {floor:.5}");
     println!(
         "{} joints, {SECONDS} s: {:?} ({}) after {:.0} s",
         nominal.dofs.len(),

@@ -177,6 +177,13 @@ impl<'a> Selector<'a> {
         self.data.finer == 1 && !self.data.is_free() && coarse()
     }
 
+    /// Whether `losses` are so far above the floor that one joint may be, where every other is at its own: all count alike. Of a robot on the
+    /// ground all are, as its ground is in all of them.
+    fn is_above_floor(&self, losses: &[Loss]) -> bool {
+        let joints = if self.data.is_free() { 1 } else { self.robot.dofs.len() };
+        total(losses) > (1.0 + (ABOVE_FLOOR - 1.0) / joints as f64) * self.floor
+    }
+
     /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
     /// one of `count` such tests; the joint's other numbers are fitted with and without.
     pub fn retuning_helps(&self, fit: &Fit, dof: usize, own: &[Own], count: usize) -> bool {
@@ -258,7 +265,7 @@ impl<'a> Selector<'a> {
         let mut been = vec![terms(&steps.now.fit.model)];
         for stage in [Stage::Delays, Stage::All] {
             while steps.now.fit.model.terms.len() < MOST
-                && total(&steps.now.cross) > ABOVE_FLOOR * self.floor
+                && self.is_above_floor(&steps.now.cross)
                 && !self.is_coarse(&steps.now.fit.model)
             {
                 if !self.step(&mut steps, stage) {
