@@ -1,6 +1,6 @@
 #!/bin/sh
 # Trains configs/thesis.toml for 3 M steps, with the thesis's Butterworth filter on the increment and (no-filter) without, and once over
-# its 71 M (full, some two hours and a half), and judges all in rapier; what is committed beside this script are the small files.
+# its 71 M (full, two to four hours by the machine), and judges all in rapier; what is committed beside this script are the small files.
 # Usage: runs/thesis/make.sh [FOLDER], after cargo build --release. A run that was stopped goes on.
 set -eu
 cd "$(dirname "$0")/../.."

@@ -1,4 +1,5 @@
-//! How long identification takes for a log of ten minutes of NimbRo-OP2X on a stand, one of whose knees rubs under load, and one of whose shoulders is told late:
+//! How long identification takes for a log of ten minutes of NimbRo-OP2X on a stand, one of whose knees rubs under load and one of
+//! whose shoulders is told late:
 //! `cargo bench -p omniwalk-sim2real --bench stand`.
 
 use std::path::Path;

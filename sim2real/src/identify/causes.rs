@@ -57,7 +57,6 @@ pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64]) -> Vec<Vec<St
                 scaled.extend(own);
             }
         }
-        scaled.dedup();
         let name = &robot.dof(dof).name;
         let numbers = Own::ALL.into_iter().filter(|own| scaled.contains(own));
         let numbers = numbers.map(|own| format!("{} of {name}", own.key()));

@@ -38,7 +38,6 @@ mod select;
 mod split;
 mod starts;
 mod state;
-
 mod torque;
 mod trial;
 mod windows;
