@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 use omniwalk_env::robot::{Foot, Kinematics, Robot};
 
 use super::base::MeasuredBase;
-use super::trial::linear;
+use super::cut::linear;
 use crate::recording::{JointRecord, Recording};
 
 /// How often it is looked where the feet are, s.

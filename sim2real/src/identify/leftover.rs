@@ -104,10 +104,9 @@ impl Floor {
         }
     }
 
-    /// Weighted sum of squares over all readings.
-    pub fn squares(&self, data: &Data) -> f64 {
-        let readings = data.trials.iter().flat_map(|trial| &trial.readings);
-        readings.map(|r| (self.weights[r.dof] * self.of(r.dof)).powi(2)).sum()
+    /// Weighted sum of squares over all readings, by degree of freedom.
+    pub fn squares(&self, data: &Data) -> Vec<f64> {
+        self.weighted_squares(data, |d| self.of(d))
     }
 
     /// One over the floor of each degree of freedom: what contact spoils more counts less.
@@ -123,15 +122,18 @@ impl Floor {
         }
     }
 
-    /// Weighted sum of squares of what is negligible beyond that.
-    pub fn negligible_squares(&self, data: &Data) -> f64 {
-        let readings = data.trials.iter().flat_map(|trial| &trial.readings);
-        readings
-            .map(|r| {
-                let negligible = self.negligible[r.dof].min(NEGLIGIBLE_OVER_FLOOR * self.of(r.dof));
-                (self.weights[r.dof] * negligible).powi(2)
-            })
-            .sum()
+    /// Weighted sum of squares of what is negligible beyond that, by degree of freedom.
+    pub fn negligible_squares(&self, data: &Data) -> Vec<f64> {
+        self.weighted_squares(data, |d| self.negligible[d].min(NEGLIGIBLE_OVER_FLOOR * self.of(d)))
+    }
+
+    /// Weighted sum of squares over all readings were each as far off as `of` says of its degree of freedom, by degree of freedom.
+    fn weighted_squares(&self, data: &Data, of: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut sums = vec![0.0; self.weights.len()];
+        for reading in data.trials.iter().flat_map(|trial| &trial.readings) {
+            sums[reading.dof] += (self.weights[reading.dof] * of(reading.dof)).powi(2);
+        }
+        sums
     }
 
     /// Weighted root mean square over the degrees of freedom.
@@ -213,37 +215,111 @@ pub struct Left {
     pub depends_on: Vec<Dependence>,
     /// A table of it, where simulations can have one and it helps.
     pub table: Option<Table>,
+    /// Whether it is structure: more than noise, and predicted or far more.
+    pub structured: bool,
+    losses: Losses,
 }
 
 /// What the last model leaves.
 pub struct Leftover {
     /// Every joint.
     pub joints: Vec<Left>,
-    /// Whether that is structure.
-    pub structured: bool,
-    /// Weighted losses of the re-tuned and of the last model, and the floor's.
-    losses: [f64; 3],
     /// Autocorrelation of the residual over 0.1 s, by degree of freedom.
     pub autocorrelation: Vec<f64>,
     /// The last model with the tables.
     pub model: Model,
 }
 
-/// Share of the re-tuned model's loss above the floor that is left.
-fn share_left(refit: f64, last: f64, floor: f64) -> f64 {
-    ((last - floor) / (refit - floor).max(1e-12 * refit)).clamp(0.0, 1.0)
+/// Weighted losses of a joint, or of several.
+#[derive(Clone, Copy, Default)]
+struct Losses {
+    /// Of the re-tuned model.
+    refit: f64,
+    /// Of the last model.
+    last: f64,
+    /// What noise leaves.
+    floor: f64,
+    /// What is too little beyond that.
+    negligible: f64,
+}
+
+impl Losses {
+    /// By degree of freedom; of a robot on the ground all are one, as its ground is in all of them.
+    ///
+    /// They are those of the fits, not of predictions: where joints stick, those of blocks that were left out are as bad as one likes.
+    fn by_dof(data: &Data, selection: &Selection, floor: &Floor) -> Vec<Self> {
+        let [refit, last] = [&selection.refit, &selection.last].map(|fit| squares(data, &fit.model));
+        let (own, negligible) = (floor.squares(data), floor.negligible_squares(data));
+        let of = |d: usize| Self {
+            refit: refit[d],
+            last: last[d],
+            floor: own[d],
+            negligible: negligible[d],
+        };
+        let dofs = data.weights.len();
+        let own: Vec<Self> = (0..dofs).map(of).collect();
+        if data.is_free() {
+            return vec![own.into_iter().fold(Self::default(), Self::and); dofs];
+        }
+        own
+    }
+
+    /// With those of other joints.
+    fn and(self, other: Self) -> Self {
+        Self {
+            refit: self.refit + other.refit,
+            last: self.last + other.last,
+            floor: self.floor + other.floor,
+            negligible: self.negligible + other.negligible,
+        }
+    }
+
+    /// Share of the re-tuned model's loss above the floor that is left.
+    fn share_left(&self) -> f64 {
+        let gap = (self.refit - self.floor).max(1e-12 * self.refit);
+        ((self.last - self.floor) / gap).clamp(0.0, 1.0)
+    }
+
+    /// Share of the last model's loss that noise does not explain, and no more than is left of what there was to explain.
+    fn fraction(&self) -> f64 {
+        if self.last <= 0.0 {
+            return 0.0;
+        }
+        ((self.last - self.floor) / self.last)
+            .clamp(0.0, 1.0)
+            .min(self.share_left())
+    }
+
+    /// Whether more is left than noise and, `beside` effects, than a trifle of what there was to explain, and either something predicts
+    /// it or it is far more.
+    fn is_structure(&self, beside: bool, predicted: bool) -> bool {
+        is_above(self.last, self.floor, self.negligible)
+            && (!beside || self.share_left() > SHARE_LEFT)
+            && (predicted || self.last > FAR_ABOVE * self.floor)
+    }
+}
+
+/// Weighted sum of squared residuals of each degree of freedom under `model`.
+fn squares(data: &Data, model: &Model) -> Vec<f64> {
+    let mut sums = vec![0.0; data.weights.len()];
+    for (trial, residuals) in data.trials.iter().zip(data.residuals(model)) {
+        for (reading, r) in trial.readings.iter().zip(residuals) {
+            sums[reading.dof] += (data.weights[reading.dof] * r).powi(2);
+        }
+    }
+    sums
 }
 
 impl Leftover {
-    /// Share of the last model's loss that noise does not explain, and no more than is left of what there was to explain.
+    /// The joints of which structure is left.
+    pub fn structured(&self) -> impl Iterator<Item = &Left> {
+        self.joints.iter().filter(|left| left.structured)
+    }
+
+    /// Share of the last model's loss at these joints that noise does not explain, and no more than is left of what there was to explain.
     pub fn fraction(&self) -> f64 {
-        let [refit, last, floor] = self.losses;
-        let of_last = if last > 0.0 {
-            ((last - floor) / last).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        of_last.min(share_left(refit, last, floor))
+        let losses = self.structured().map(|left| left.losses);
+        losses.fold(Losses::default(), Losses::and).fraction()
     }
 
     /// With what is left of other joints.
@@ -253,8 +329,6 @@ impl Leftover {
         joints.sort_by_key(|left| left.dof);
         Self {
             joints,
-            structured: self.structured || other.structured,
-            losses: std::array::from_fn(|i| self.losses[i] + other.losses[i]),
             autocorrelation: sums(&self.autocorrelation, &other.autocorrelation),
             model: self.model.and(&other.model),
         }
@@ -278,43 +352,35 @@ pub fn leftover(
     floor: &Floor,
 ) -> Result<Leftover, EngineError> {
     let model = &selection.last.model;
-    // Of the fits, not of predictions: where joints stick, those of blocks that were left out are as bad as one likes.
-    let refit = total(&selection.refit.losses);
-    let last = total(&selection.last.losses);
-    let negligible = floor.negligible_squares(data);
-    let floor = floor.squares(data);
-    let remains =
-        is_above(last, floor, negligible) && (model.terms.is_empty() || share_left(refit, last, floor) > SHARE_LEFT);
+    let losses = Losses::by_dof(data, selection, floor);
     let fold = |block: usize| folds.of_block[block];
     let mut joints = Vec::new();
     for (dof, moments) in torque::lacking(data, model, scales)?.into_iter().enumerate() {
+        let depends_on = torque::dependence(&moments, &fold, folds.count);
         joints.push(Left {
             dof,
-            depends_on: torque::dependence(&moments, &fold, folds.count),
+            structured: losses[dof].is_structure(!model.terms.is_empty(), !depends_on.is_empty()),
+            losses: losses[dof],
+            depends_on,
             names: torque::names(&data.trials[0], dof),
             moments,
             table: None,
         });
     }
     let mut with = model.clone();
-    if remains {
-        add_tables(data, folds, &mut with, &mut joints);
-    }
-    let predicted = joints.iter().any(|left| !left.depends_on.is_empty());
+    add_tables(data, folds, &mut with, &mut joints);
     Ok(Leftover {
-        structured: remains && (predicted || last > FAR_ABOVE * floor),
-        losses: [refit, last, floor],
         autocorrelation: autocorrelations(data, model),
         joints,
         model: with,
     })
 }
 
-/// Gives every joint a table of the torque it lacks, over what simulations know of what that depends on, where that helps
-/// rollouts of blocks the table was not made from.
+/// Gives every joint of which structure is left a table of the torque it lacks, over what simulations know of what that depends on,
+/// where that helps rollouts of blocks the table was not made from.
 fn add_tables(data: &Data, folds: &Folds, model: &mut Model, joints: &mut [Left]) {
     let fold = |block: usize| folds.of_block[block];
-    for left in joints.iter_mut().filter(|left| !left.depends_on.is_empty()) {
+    for left in joints.iter_mut().filter(|left| left.structured) {
         let known = torque::simulated_dependence(&left.moments, &fold, folds.count);
         let before = total(&data.losses(std::slice::from_ref(model))[0]);
         let tables = tables(data, folds, model, (left.dof, &left.moments), &known).into_iter();

@@ -18,6 +18,7 @@ mod candidates;
 mod causes;
 mod contact;
 mod cross;
+mod cut;
 mod fit;
 mod found;
 mod information;

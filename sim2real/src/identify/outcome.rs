@@ -72,7 +72,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
             p_value: found.p_values.get(i).copied().unwrap_or(1.0),
         });
     }
-    let verdict = if found.left.structured {
+    let verdict = if found.left.structured().next().is_some() {
         Verdict::Unexplained
     } else if !alike.is_empty() {
         Verdict::Indistinguishable
@@ -218,19 +218,17 @@ fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Paramet
 fn unexplained(parts: &Parts<'_>) -> Unexplained {
     let (robot, left) = (parts.robot, &parts.found.left);
     let mut named: Vec<(f64, String)> = Vec::new();
-    if left.structured {
-        for own in &left.joints {
-            let power = own.moments.iter().map(|m| m.torque * m.torque).sum::<f64>() / own.moments.len().max(1) as f64;
-            let share = power.sqrt() / parts.scales.joints[own.dof].torque;
-            for dependence in &own.depends_on {
-                let variable = &own.names[dependence.variable];
-                let name = if robot.dofs.len() == 1 {
-                    variable.clone()
-                } else {
-                    format!("{} of {}", variable, robot.dof(own.dof).name)
-                };
-                named.push((share * dependence.gain, name));
-            }
+    for own in left.structured() {
+        let power = own.moments.iter().map(|m| m.torque * m.torque).sum::<f64>() / own.moments.len().max(1) as f64;
+        let share = power.sqrt() / parts.scales.joints[own.dof].torque;
+        for dependence in &own.depends_on {
+            let variable = &own.names[dependence.variable];
+            let name = if robot.dofs.len() == 1 {
+                variable.clone()
+            } else {
+                format!("{} of {}", variable, robot.dof(own.dof).name)
+            };
+            named.push((share * dependence.gain, name));
         }
     }
     named.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -242,7 +240,7 @@ fn unexplained(parts: &Parts<'_>) -> Unexplained {
         }
     }
     Unexplained {
-        fraction: if left.structured { left.fraction() } else { 0.0 },
+        fraction: left.fraction(),
         depends_on,
         autocorrelation: autocorrelation
             .map(|(d, value)| (robot.dof(d).name.clone(), *value))

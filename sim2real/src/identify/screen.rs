@@ -155,8 +155,8 @@ mod tests {
     use omniwalk_env::robot::load;
 
     use super::super::candidates;
+    use super::super::cut::{self, Lengths};
     use super::super::rollout;
-    use super::super::trial::{Lengths, Trial};
     use super::*;
     use crate::recording::{JointRecord, Recording, Series};
 
@@ -202,7 +202,7 @@ mod tests {
         for (kind, values) in [(Kind::ExternalForce, vec![0.3]), (Kind::CommandDelay, vec![0.015])] {
             let mut truth = robot.clone();
             apply(&mut truth, &Effect::new(kind, ELBOW, &values));
-            let trials = Trial::cut(&robot, &recording, 0, (0.0, f64::INFINITY), lengths).expect("trials");
+            let trials = cut::cut(&robot, &recording, 0, (0.0, f64::INFINITY), lengths).expect("trials");
             let mut data = Data::new(&robot, trials).expect("data");
             let scales = Scales::new(&robot, &data.trials);
             for trial in Arc::make_mut(&mut data.trials) {

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use omniwalk_env::robot::{Base, Robot};
 
+use super::cut::{self, Lengths};
 use super::fit::Data;
 use super::model::Model;
-use super::trial::{DT, Lengths, Trial, TrialError};
+use super::trial::{DT, Trial, TrialError};
 use super::{contact, noise, windows};
 use crate::recording::Recording;
 
@@ -51,12 +52,12 @@ pub fn split(robot: &Robot, logs: &[Recording], given: bool) -> Result<Split, Tr
     for (i, log) in logs.iter().enumerate() {
         if aside.is_empty() {
             let split = 0.75 * log.duration();
-            fit.extend(Trial::cut(robot, log, i, (0.0, split), lengths)?);
-            heldout.extend(Trial::cut(robot, log, i, (split, f64::INFINITY), lengths)?);
+            fit.extend(cut::cut(robot, log, i, (0.0, split), lengths)?);
+            heldout.extend(cut::cut(robot, log, i, (split, f64::INFINITY), lengths)?);
         } else if aside.contains(&i) {
-            heldout.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
+            heldout.extend(cut::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
         } else {
-            fit.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
+            fit.extend(cut::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
         }
     }
     renumber(&mut fit);
@@ -102,7 +103,7 @@ pub fn all(robot: &Robot, logs: &[Recording]) -> Result<Vec<Trial>, TrialError> 
 fn cut_all(robot: &Robot, logs: &[Recording], lengths: Lengths) -> Result<Vec<Trial>, TrialError> {
     let mut trials = Vec::new();
     for (i, log) in logs.iter().enumerate() {
-        trials.extend(Trial::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
+        trials.extend(cut::cut(robot, log, i, (0.0, f64::INFINITY), lengths)?);
     }
     renumber(&mut trials);
     Ok(trials)

@@ -163,8 +163,8 @@ impl<'a> Selector<'a> {
             data,
             scales,
             folds,
-            floor: floor.squares(data),
-            negligible: floor.negligible_squares(data),
+            floor: floor.squares(data).iter().sum(),
+            negligible: floor.negligible_squares(data).iter().sum(),
             rivals: None,
             limbs: 1,
         }
