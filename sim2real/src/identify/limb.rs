@@ -67,6 +67,7 @@ pub fn find(
     let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
     let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
     let common = causes::sets(&selector, &selection.last, &intervals);
+    let intervals = interval::widened(&intervals, &selection.last, selector.floor);
     let last = &selection.last.model;
     let without = |i: usize| {
         let mut without = last.clone();
