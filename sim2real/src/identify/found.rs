@@ -3,8 +3,9 @@
 use omniwalk_env::effect::{Kind, Site};
 use omniwalk_env::robot::Limb;
 
+use super::floor::Floor;
 use super::information::Information;
-use super::leftover::{Floor, Leftover};
+use super::leftover::Leftover;
 use super::model::Model;
 use super::select::{Alike, Rejected};
 
@@ -124,4 +125,9 @@ pub fn spread<T: Clone + Default>(values: &[T], limb: &Limb, dofs: usize) -> Vec
         out[d] = value.clone();
     }
     out
+}
+
+/// Sums by degree of freedom; what one of them does not have is zero.
+pub fn sums(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
 }

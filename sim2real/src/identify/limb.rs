@@ -8,8 +8,9 @@ use omniwalk_env::robot::Robot;
 
 use super::cross::Folds;
 use super::fit::{Data, total};
+use super::floor::Floor;
 use super::found::Found;
-use super::leftover::{self, COARSE, Floor, TOO_COARSE};
+use super::leftover::{self, COARSE, TOO_COARSE};
 use super::model::{Model, Term};
 use super::own::Own;
 use super::scales::Scales;

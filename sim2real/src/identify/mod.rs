@@ -20,6 +20,7 @@ mod contact;
 mod cross;
 mod cut;
 mod fit;
+mod floor;
 mod found;
 mod information;
 mod interval;
