@@ -18,6 +18,8 @@ const HELD: [usize; 2] = [0, 1];
 /// A loss within this share of the least is as good: the strongest damping of those, as a step that gains the logs it is made from no
 /// more than that is theirs alone.
 const AS_GOOD: f64 = 0.01;
+/// A block whose residual is so many times that of most is far off.
+const FAR: f64 = 2.0;
 /// Draws of a bootstrap.
 const DRAWS: u64 = 2000;
 
@@ -117,9 +119,9 @@ impl Folds {
         self.of_block[b] != fold && self.guard[b] != Some(fold)
     }
 
-    /// Loss of every block under the model fitted without it: one Gauss-Newton step from the fit to all blocks, which is
-    /// where the fit to the others ends, to second order, and a rollout of that. Where the loss is far from a parabola, as it
-    /// is where joints stick, the step is damped as strongly as suits the others.
+    /// Loss of every block, by degree of freedom ([`Data::cells`]), under the model fitted without it: one Gauss-Newton step from the fit
+    /// to all blocks, which is where the fit to the others ends, to second order, and a rollout of that. Where the loss is far from a
+    /// parabola, as it is where joints stick, the step is damped as strongly as suits the others. What is far off counts less.
     pub fn cross(&self, data: &Data, fit: &Fit, scales: &Scales) -> Vec<Loss> {
         let (x, free) = (fit.model.get(scales), fit.model.free(scales));
         let without = |fold: usize| {
@@ -128,31 +130,36 @@ impl Folds {
             DAMPINGS.map(|damping| fit.model.at(&newton(&x, &free, &gradient, &curvature, damping), scales))
         };
         let models: Vec<_> = (0..self.count).flat_map(without).collect();
-        let losses = data.losses(&models);
+        let losses = data.cells(&models);
         // What only the fold tells, the others let go anywhere: such numbers are held by as much as predicts best.
         let held = HELD.map(|held| self.predicted(data, &losses, held));
-        let best = held.into_iter().min_by(|a, b| total(a).total_cmp(&total(b)));
+        let best = held
+            .map(|losses| robust(data, losses))
+            .into_iter()
+            .min_by(|a, b| total(a).total_cmp(&total(b)));
         best.unwrap_or_default()
     }
 
-    /// Loss of every block where its fold was left out, of steps with the damping number `held` or a stronger one.
+    /// Losses of every block where its fold was left out, of steps with the damping number `held` or a stronger one.
     fn predicted(&self, data: &Data, losses: &[Vec<Loss>], held: usize) -> Vec<Loss> {
+        let dofs = data.weights.len();
+        let of = |losses: &Vec<Loss>, b: usize| losses[b * dofs..(b + 1) * dofs].to_vec();
         let best = |fold: usize| {
             let own = &losses[fold * DAMPINGS.len() + held..(fold + 1) * DAMPINGS.len()];
             let others = |losses: &Vec<Loss>| {
                 let trained = (0..data.blocks).filter(|&b| self.trains(b, fold));
-                total(&trained.map(|b| losses[b]).collect::<Vec<_>>())
+                total(&trained.flat_map(|b| of(losses, b)).collect::<Vec<_>>())
             };
             let least = own.iter().map(others).fold(f64::INFINITY, f64::min);
             let good = own.iter().rfind(|losses| others(losses) <= (1.0 + AS_GOOD) * least);
             good.unwrap_or(&own[0])
         };
         let best: Vec<&Vec<Loss>> = (0..self.count).map(best).collect();
-        (0..data.blocks).map(|b| best[self.of_block[b]][b]).collect()
+        (0..data.blocks).flat_map(|b| of(best[self.of_block[b]], b)).collect()
     }
 
-    /// Whether `after` predicts better than `before`: by a bootstrap over clusters of what each loses or gains relative to
-    /// its own loss, which finds small gains everywhere, or by the ratio of the losses, which finds large gains in few.
+    /// Whether `after` predicts better than `before`, all degrees of freedom together or one of them, of which the others' noise would hide
+    /// it: p is that of the least likely times the number of such tests.
     pub fn gain(&self, before: &[Loss], after: &[Loss]) -> Gain {
         let (a, b) = (total(before), total(after));
         if !(b.is_finite() && a > 0.0) {
@@ -161,20 +168,48 @@ impl Folds {
                 p: 1.0,
             };
         }
+        let dofs = before.len() / self.of_block.len().max(1);
+        let mut p = self.chance(before, after, |_| true);
+        if dofs > 1 {
+            let own = (0..dofs).map(|d| self.chance(before, after, |dof| dof == d));
+            p = (own.fold(p, f64::min) * (dofs + 1) as f64).min(1.0);
+        }
+        Gain { share: 1.0 - b / a, p }
+    }
+
+    /// Probability that the degrees of freedom of `which` gain what they do by chance: by a bootstrap over clusters of what each loses or
+    /// gains relative to its own loss, which finds small gains everywhere, or by the ratio of the losses, which finds large gains in few.
+    fn chance(&self, before: &[Loss], after: &[Loss], which: impl Fn(usize) -> bool) -> f64 {
+        let dofs = before.len() / self.of_block.len().max(1);
         let mut clusters: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
-        for ((before, after), cluster) in before.iter().zip(after).zip(&self.cluster) {
-            let sums = clusters.entry(*cluster).or_default();
+        for (cell, (before, after)) in before
+            .iter()
+            .zip(after)
+            .enumerate()
+            .filter(|(cell, _)| which(cell % dofs))
+        {
+            let sums = clusters.entry(self.cluster[cell / dofs]).or_default();
             sums[0] += before.squares;
             sums[1] += after.squares;
         }
+        let [a, b] = [0, 1].map(|i| clusters.values().map(|sums| sums[i]).sum::<f64>());
         let mean = (a + b) / (2.0 * clusters.len() as f64);
         let change = |[a, b]: &[f64; 2]| (a - b) / (a + b + mean);
         let changes: Vec<f64> = clusters.values().map(change).collect();
-        Gain {
-            share: 1.0 - b / a,
-            p: significance(&changes).min(ratio_test(&clusters, a, b)),
+        significance(&changes).min(ratio_test(&clusters, a, b))
+    }
+}
+
+/// Losses by block and degree of freedom as Huber (1964) has them, of the norm of each: where joints stick, one hold can be as far off as
+/// one likes, with the right effects too. Beyond [`FAR`] times the typical residual they grow with the residual, not its square.
+pub fn robust(data: &Data, mut cells: Vec<Loss>) -> Vec<Loss> {
+    for (cell, loss) in cells.iter_mut().enumerate() {
+        let far = FAR * FAR * data.typical[cell % data.weights.len()] * loss.count;
+        if loss.squares > far {
+            loss.squares = 2.0 * (far * loss.squares).sqrt() - far;
         }
     }
+    cells
 }
 
 /// The log of each block.

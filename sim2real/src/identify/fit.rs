@@ -31,6 +31,8 @@ pub struct Data {
     pub robots: Arc<Vec<Robot>>,
     /// One a degree of freedom: residuals are multiplied with it.
     pub weights: Vec<f64>,
+    /// Median over the blocks of the weighted mean square residual of each degree of freedom under the re-tuned model.
+    pub typical: Vec<f64>,
     /// Index of the first block of each trial's log among those of all logs.
     pub first_block: Vec<usize>,
     /// Blocks of all logs.
@@ -99,6 +101,7 @@ impl Data {
             trials: Arc::new(trials),
             robots: Arc::new(robots),
             weights: vec![1.0; robot.dofs.len()],
+            typical: vec![f64::INFINITY; robot.dofs.len()],
             first_block,
             blocks,
             finer: 1,
@@ -185,15 +188,27 @@ impl Data {
 
     /// Losses by block of every model.
     pub fn losses(&self, models: &[Model]) -> Vec<Vec<Loss>> {
+        let of_block = |cells: &[Loss]| Loss {
+            squares: cells.iter().map(|loss| loss.squares).sum(),
+            count: cells.iter().map(|loss| loss.count).sum(),
+        };
+        let cells = self.cells(models).into_iter();
+        let dofs = self.weights.len().max(1);
+        cells.map(|cells| cells.chunks(dofs).map(of_block).collect()).collect()
+    }
+
+    /// Losses of every model by block and degree of freedom: those of a block stand together.
+    pub fn cells(&self, models: &[Model]) -> Vec<Vec<Loss>> {
         let predictions = self.predict(models);
-        let mut losses = vec![vec![Loss::default(); self.blocks]; models.len()];
+        let dofs = self.weights.len();
+        let mut losses = vec![vec![Loss::default(); self.blocks * dofs]; models.len()];
         for ((trial, parts), &first) in self.trials.iter().zip(&predictions).zip(&self.first_block) {
             for (chunk, part) in parts.iter().enumerate() {
                 let width = part.len() / trial.readings.len().max(1);
                 for (i, reading) in trial.readings.iter().enumerate() {
                     for w in 0..width {
                         let residual = self.weights[reading.dof] * (part[i * width + w] - reading.position);
-                        let loss = &mut losses[chunk * LANES + w][first + reading.block];
+                        let loss = &mut losses[chunk * LANES + w][(first + reading.block) * dofs + reading.dof];
                         loss.squares += residual * residual;
                         loss.count += 1.0;
                     }
@@ -201,6 +216,21 @@ impl Data {
             }
         }
         losses
+    }
+
+    /// Median over the blocks of the weighted mean square residual of each degree of freedom under `model`.
+    pub fn typical_under(&self, model: &Model) -> Vec<f64> {
+        let (dofs, cells) = (
+            self.weights.len(),
+            self.cells(std::slice::from_ref(model)).swap_remove(0),
+        );
+        let of = |d: usize| {
+            let read = cells.iter().skip(d).step_by(dofs).filter(|loss| loss.count > 0.0);
+            let mut means: Vec<f64> = read.map(|loss| loss.squares / loss.count).collect();
+            means.sort_by(f64::total_cmp);
+            means.get(means.len() / 2).copied().unwrap_or(f64::INFINITY)
+        };
+        (0..dofs).map(of).collect()
     }
 
     /// Residuals (prediction less measurement, not weighted) of `model` at the readings of every trial.

@@ -4,7 +4,7 @@ use omniwalk_env::effect::{Kind, Table};
 use omniwalk_env::engine::EngineError;
 
 use super::candidates::Ripples;
-use super::cross::Folds;
+use super::cross::{Folds, robust};
 use super::fit::{Data, Loss, total};
 use super::floor::Floor;
 use super::found::sums;
@@ -163,7 +163,7 @@ impl Losses {
 }
 
 /// Weighted sum of squared residuals of each degree of freedom under `model`.
-fn squares(data: &Data, model: &Model) -> Vec<f64> {
+pub fn squares(data: &Data, model: &Model) -> Vec<f64> {
     let mut sums = vec![0.0; data.weights.len()];
     for (trial, residuals) in data.trials.iter().zip(data.residuals(model)) {
         for (reading, r) in trial.readings.iter().zip(residuals) {
@@ -240,7 +240,7 @@ fn add_tables(data: &Data, folds: &Folds, model: &mut Model, joints: &mut [Left]
     let fold = |block: usize| folds.of_block[block];
     for left in joints.iter_mut().filter(|left| left.structured) {
         let known = torque::simulated_dependence(&left.moments, &fold, folds.count);
-        let before = total(&data.losses(std::slice::from_ref(model))[0]);
+        let before = total(&robust(data, data.cells(std::slice::from_ref(model)).swap_remove(0)));
         let tables = tables(data, folds, model, (left.dof, &left.moments), &known).into_iter();
         let best = tables.min_by(|a, b| total(&a.1).total_cmp(&total(&b.1)));
         if let Some((table, _)) = best.filter(|(_, cross)| total(cross) < (1.0 - WORTH) * before) {
@@ -271,8 +271,9 @@ pub fn tables(
         return Vec::new();
     };
     let models: Vec<Model> = left_out.iter().map(|table| with_table(model, dof, table)).collect();
-    let losses = data.losses(&models);
-    let cross = |k: usize| (0..data.blocks).map(|b| losses[fold(b) * known.len() + k][b]).collect();
+    let (dofs, losses) = (data.weights.len(), data.cells(&models));
+    let of = |k: usize, b: usize| &losses[fold(b) * known.len() + k][b * dofs..(b + 1) * dofs];
+    let cross = |k: usize| robust(data, (0..data.blocks).flat_map(|b| of(k, b).to_vec()).collect());
     whole
         .into_iter()
         .enumerate()

@@ -164,6 +164,7 @@ impl Way<'_> {
             data.weights = floor.inverse();
             floor = floor.weighted(&data.weights);
         }
+        data.typical = data.typical_under(tuned);
         let data = &*data;
         (self.log)(&format!(
             "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",

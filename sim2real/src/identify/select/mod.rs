@@ -9,7 +9,7 @@ mod curve;
 mod settle;
 mod step;
 
-use omniwalk_env::effect::Kind;
+use omniwalk_env::effect::{Kind, Site};
 use omniwalk_env::robot::Robot;
 
 use super::candidates::{self, Candidate};
@@ -47,7 +47,7 @@ pub const LESSER: f64 = 0.02;
 /// Singles of which pairs are made.
 const PAIRED: usize = 5;
 /// Effects that are fitted in a step where there are many: those that may take most.
-const FITTED: usize = 16;
+const FITTED: usize = 8;
 
 /// An effect that was tried and not taken.
 #[derive(Clone, Debug)]
@@ -116,8 +116,10 @@ pub struct Selector<'a> {
     pub folds: &'a Folds,
     /// Weighted loss that noise and the integrator leave.
     pub floor: f64,
-    /// Weighted loss beyond the floor that is too little for an effect to be missing.
-    pub negligible: f64,
+    /// The same by degree of freedom.
+    pub floors: Vec<f64>,
+    /// Weighted loss beyond the floor that is too little for an effect to be missing, by degree of freedom.
+    pub negligible: Vec<f64>,
     /// Effects that may take another's place; all when `None`.
     pub rivals: Option<&'a [(Kind, usize)]>,
     /// Limbs that are looked at alike, this among them: an effect is the best of those of all of them.
@@ -150,6 +152,8 @@ struct Steps {
     rejected: Vec<Rejected>,
     /// Effects tried in the largest step.
     most: usize,
+    /// Effects among which each that was taken was the best.
+    counts: Vec<((Kind, usize), usize)>,
     /// What was fitted already, by the effects it has.
     known: Vec<(Terms, Judged)>,
     /// What was tried already, by the effects it was tried beside.
@@ -159,13 +163,15 @@ struct Steps {
 impl<'a> Selector<'a> {
     /// Of `data`, whose `floor` is known; every effect may take another's place.
     pub fn new(robot: &'a Robot, data: &'a Data, scales: &'a Scales, folds: &'a Folds, floor: &Floor) -> Self {
+        let floors = floor.squares(data);
         Self {
             robot,
             data,
             scales,
             folds,
-            floor: floor.squares(data).iter().sum(),
-            negligible: floor.negligible_squares(data).iter().sum(),
+            floor: floors.iter().sum(),
+            floors,
+            negligible: floor.negligible_squares(data),
             rivals: None,
             limbs: 1,
         }
@@ -178,11 +184,15 @@ impl<'a> Selector<'a> {
         self.data.finer == 1 && !self.data.is_free() && coarse()
     }
 
-    /// Whether `losses` are so far above the floor that one joint may be, where every other is at its own: all count alike. Of a robot on the
-    /// ground all are, as its ground is in all of them.
-    fn is_above_floor(&self, losses: &[Loss]) -> bool {
-        let joints = if self.data.is_free() { 1 } else { self.robot.dofs.len() };
-        total(losses) > (1.0 + (ABOVE_FLOOR - 1.0) / joints as f64) * self.floor
+    /// Whether `fit` leaves more than noise of a degree of freedom; of a robot on the ground of all together, as its ground is in all of them.
+    fn is_above_floor(&self, fit: &Fit) -> bool {
+        if self.data.is_free() {
+            return total(&fit.losses) > ABOVE_FLOOR * self.floor;
+        }
+        let left = leftover::squares(self.data, &fit.model);
+        left.iter()
+            .zip(&self.floors)
+            .any(|(left, floor)| *left > ABOVE_FLOOR * floor)
     }
 
     /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
@@ -235,14 +245,36 @@ impl<'a> Selector<'a> {
         if total(&after.fit.losses) > (1.0 - WORTH) * total(&before.fit.losses) {
             return false;
         }
-        let loss = total(&before.cross);
-        let gap = loss - self.floor;
-        let least = if gap > self.negligible {
-            WORTH_OF_GAP
+        let beyond = self.beyond_negligible(&before.cross);
+        let (least, counts): (_, &dyn Fn(usize) -> bool) = if beyond.contains(&true) {
+            (WORTH_OF_GAP, &|d| beyond[d])
         } else {
-            WORTH_OF_LITTLE
+            (WORTH_OF_LITTLE, &|_| true)
         };
-        gain.share >= WORTH && gain.share * loss >= least * gap
+        let [loss, left] = [&before.cross, &after.cross].map(|losses| self.sum_of(losses, counts));
+        let dofs = self.floors.iter().enumerate().filter(|(d, _)| counts(*d));
+        let gap = loss - dofs.map(|(_, floor)| floor).sum::<f64>();
+        gain.share >= WORTH && loss - left >= least * gap
+    }
+
+    /// Sum of losses by block and degree of freedom over those degrees of freedom that `counts` names.
+    fn sum_of(&self, losses: &[Loss], counts: impl Fn(usize) -> bool) -> f64 {
+        let dofs = self.floors.len();
+        let own = losses.iter().enumerate().filter(|(cell, _)| counts(cell % dofs));
+        own.map(|(_, loss)| loss.squares).sum()
+    }
+
+    /// Of which degrees of freedom more is left than what is negligible; of a robot on the ground of all or none, as its ground is in all
+    /// of them.
+    fn beyond_negligible(&self, losses: &[Loss]) -> Vec<bool> {
+        let dofs = self.floors.len();
+        let bound: Vec<f64> = self.floors.iter().zip(&self.negligible).map(|(a, b)| a + b).collect();
+        if self.data.is_free() {
+            return vec![total(losses) > bound.iter().sum(); dofs];
+        }
+        (0..dofs)
+            .map(|d| self.sum_of(losses, |own| own == d) > bound[d])
+            .collect()
     }
 
     /// Runs all steps from the re-tuned `nominal` with the effects of `first`; `log` hears of progress.
@@ -252,6 +284,7 @@ impl<'a> Selector<'a> {
             now: refit.clone(),
             rejected: Vec::new(),
             most: 0,
+            counts: Vec::new(),
             known: vec![(Terms::new(), refit.clone())],
             tried: Vec::new(),
         };
@@ -266,7 +299,7 @@ impl<'a> Selector<'a> {
         let mut been = vec![terms(&steps.now.fit.model)];
         for stage in [Stage::Delays, Stage::All] {
             while steps.now.fit.model.terms.len() < MOST
-                && self.is_above_floor(&steps.now.cross)
+                && self.is_above_floor(&steps.now.fit)
                 && !self.is_coarse(&steps.now.fit.model)
             {
                 if !self.step(&mut steps, stage) {
@@ -329,7 +362,8 @@ impl<'a> Selector<'a> {
     }
 
     /// Those of `candidates` that are worth a fit beside `model`, and the others with the share of the loss they would take to first
-    /// order. A single joint's are few: all of them.
+    /// order. A single joint's are few: all of them. So are those of the joint that is farthest above its floor: where re-tuning bent to
+    /// make up for an effect, the way to it is uphill.
     fn promising(&self, model: &Model, candidates: Vec<Candidate>) -> (Vec<Candidate>, Vec<(Candidate, f64)>) {
         if self.robot.dofs.len() == 1 || candidates.len() <= FITTED {
             return (candidates, Vec::new());
@@ -339,6 +373,10 @@ impl<'a> Selector<'a> {
         order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
         let mut fitted = vec![false; shares.len()];
         order.iter().take(FITTED).for_each(|&i| fitted[i] = true);
+        let worst = self.worst(model);
+        for (fitted, candidate) in fitted.iter_mut().zip(&candidates) {
+            *fitted |= candidate.kind.info().site == Site::Joint && candidate.target == worst;
+        }
         let (mut kept, mut left) = (Vec::new(), Vec::new());
         for (i, candidate) in candidates.into_iter().enumerate() {
             if fitted[i] {
@@ -348,6 +386,14 @@ impl<'a> Selector<'a> {
             }
         }
         (kept, left)
+    }
+
+    /// The degree of freedom of which `model` leaves most above its floor.
+    fn worst(&self, model: &Model) -> usize {
+        let left = leftover::squares(self.data, model);
+        let above = |d: &usize| left[*d] / self.floors[*d];
+        let order = (0..left.len()).max_by(|a, b| above(a).total_cmp(&above(b)));
+        order.unwrap_or(0)
     }
 
     /// Every effect of the catalogue at once, each from its first start: what is compared with, not what is chosen.

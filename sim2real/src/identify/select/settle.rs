@@ -93,14 +93,16 @@ impl Selector<'_> {
         alike
     }
 
-    /// Probability by chance of what each term gains beside the others, corrected for the number of effects tried.
+    /// Probability by chance of what each term gains beside the others, corrected for the number of effects it was chosen from.
     pub(super) fn p_values(&self, steps: &mut Steps) -> Vec<f64> {
         let now = steps.now.clone();
         let one = |i: usize| {
             let mut model = now.fit.model.clone();
-            model.terms.remove(i);
+            let term = model.terms.remove(i);
             let without = self.known(steps, &model);
-            (self.folds.gain(&without.cross, &now.cross).p * (steps.most.max(1) * self.limbs) as f64).min(1.0)
+            let own = steps.counts.iter().rfind(|(own, _)| *own == (term.kind, term.target));
+            let count = own.map_or(steps.most.max(1), |(_, count)| *count);
+            (self.folds.gain(&without.cross, &now.cross).p * (count * self.limbs) as f64).min(1.0)
         };
         (0..now.fit.model.terms.len()).map(one).collect()
     }

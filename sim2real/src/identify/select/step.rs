@@ -44,6 +44,11 @@ impl Selector<'_> {
         let Some(next) = chosen else {
             return false;
         };
+        let new = next.fit.model.terms.iter().map(|term| (term.kind, term.target));
+        steps.counts.extend(
+            new.filter(|own| !now.fit.model.has(own.0, own.1))
+                .map(|own| (own, count)),
+        );
         steps.now = self.fit(&next.fit.model);
         steps.known.push((terms(&steps.now.fit.model), steps.now.clone()));
         self.drop_needless(steps);
