@@ -304,6 +304,36 @@ mod tests {
     }
 
     #[test]
+    fn what_one_joint_gains_is_not_hidden_by_the_noise_of_the_others() {
+        const BLOCKS: usize = 40;
+        const DOFS: usize = 4;
+        let folds = Folds {
+            count: FOLDS,
+            of_block: vec![0; BLOCKS],
+            guard: vec![None; BLOCKS],
+            cluster: (0..BLOCKS).collect(),
+            by: String::new(),
+        };
+        // The last joint moves in a fifth of the blocks, and there its loss falls to a twentieth; of the others' some rise and some fall.
+        let wobble = |cell: usize| 1.0 + 0.5 * ((cell * 37 % 41) as f64 / 20.0 - 1.0);
+        let loss = |cell: usize, share: f64| {
+            let squares = match cell % DOFS {
+                3 if (cell / DOFS).is_multiple_of(5) => 2.5 * share,
+                3 => 0.0,
+                _ => wobble(cell + (share < 1.0) as usize * 7),
+            };
+            Loss { squares, count: 1.0 }
+        };
+        let [before, after] =
+            [1.0, 0.05].map(|share| (0..BLOCKS * DOFS).map(|cell| loss(cell, share)).collect::<Vec<_>>());
+        let together = folds.chance(&before, &after, |_| true);
+        let tried = 80.0;
+        assert!(together * tried > 0.05, "{together}");
+        assert!(folds.gain(&before, &after).p * tried < 0.05);
+        assert!(folds.gain(&before, &before).p > 0.05);
+    }
+
+    #[test]
     fn changes_about_zero_are_no_gain_and_steady_ones_are() {
         let wobble: Vec<f64> = (0..40).map(|k| ((k * 37 % 40) as f64 - 19.5) / 20.0).collect();
         assert!(significance(&wobble) > 0.3);
