@@ -11,6 +11,7 @@ use omniwalk_env::engine::Configured;
 use omniwalk_env::robot::Robot;
 use serde_json::{Map, Value, json};
 
+use super::load;
 use crate::complaint;
 use crate::crosscheck::check::{self, Check};
 use crate::crosscheck::closed_loop::{self, PARTS, Part};
@@ -126,6 +127,7 @@ pub fn run(args: &Args) -> miette::Result<bool> {
         return Err(miette!("--seconds takes a time above 0 and up to 86400 s"));
     }
     let subject = Subject::open(&args.run, args.checkpoint.as_deref(), args.robot.as_deref(), &args.set)?;
+    load::warn_of_long_steps(&subject.robot, &subject.settings.env);
     let parts = parts(args, &subject)?;
     if subject.settings.env.ground.kind != GroundKind::Plane {
         return Err(miette!(

@@ -158,11 +158,13 @@ fn conditions(nominal: bool) -> &'static str {
 
 impl Loaded {
     fn open(args: &Args) -> miette::Result<Self> {
-        if args.run.is_file() {
+        let loaded = if args.run.is_file() {
             Self::open_policy(args)
         } else {
             Self::open_run(args)
-        }
+        }?;
+        load::warn_of_long_steps(&loaded.robot, &loaded.settings.env);
+        Ok(loaded)
     }
 
     fn open_policy(args: &Args) -> miette::Result<Self> {

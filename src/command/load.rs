@@ -8,6 +8,8 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_controller::Policy;
 use omniwalk_controller::file::MAX_LEN;
+use omniwalk_env::config::EnvConfig;
+use omniwalk_env::effect::{ROTORS_HZ, sprung};
 use omniwalk_env::robot::{self, Robot};
 use omniwalk_sim2real::recording::{self, Map, Recording, RecordingError};
 
@@ -54,6 +56,24 @@ pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
 pub fn held(path: &Path, stand: bool) -> miette::Result<Arc<Robot>> {
     let robot = robot(path)?;
     Ok(if stand { Arc::new(robot.on_a_stand()) } else { robot })
+}
+
+/// Warns of a physics too slow for what the robot has between motors and joints.
+pub fn warn_of_long_steps(robot: &Robot, config: &EnvConfig) {
+    let (joints, rate) = (sprung(robot), config.engine.physics_hz);
+    let [first, others @ ..] = joints.as_slice() else {
+        return;
+    };
+    if rate < ROTORS_HZ {
+        let more = if others.is_empty() {
+            String::new()
+        } else {
+            format!(" and {} more", others.len())
+        };
+        tell(format_args!(
+            "warning: play or springs between motor and joint ({first}{more}) move otherwise at {rate} Hz than at {ROTORS_HZ} and above: --set engine.physics_hz={ROTORS_HZ}"
+        ));
+    }
 }
 
 /// The recordings in the logs at `paths`.

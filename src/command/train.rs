@@ -126,6 +126,7 @@ impl Session {
             robot.notes.iter().for_each(|note| tell(format_args!("note: {note}")));
         }
         check_feet(&settings, &robot)?;
+        load::warn_of_long_steps(&robot, &settings.env);
         let source = args.from.as_deref().map(load::source).transpose()?;
         let learner = source
             .as_ref()
@@ -175,6 +176,7 @@ impl Session {
         let changes: Vec<String> = args.steps.iter().map(|steps| format!("train.steps={steps}")).collect();
         let (settings, text) = load::settings(Some(&run.config()), &changes)?;
         let robot = load::robot(&run.robot())?;
+        load::warn_of_long_steps(&robot, &settings.env);
         let latest = load::latest(&run)?;
         let shape = Shape::new(&settings, &run.robot())?;
         let cannot = || format!("cannot go on from {}", latest.path.display());

@@ -5,28 +5,30 @@
 //! made of. Without any torque the equation checks c; the change that random torques and a random push make checks M.
 
 use miette::miette;
-use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 use omniwalk_env::engine::lanes::{Lanes, Simd};
 use omniwalk_env::engine::rapier::{self, Rapier};
 use omniwalk_env::engine::{Drive, Engine, EngineError, Friction, Start, World};
 use omniwalk_env::random::Stream;
-use omniwalk_env::robot::{Base, Kinematics, Passive, Robot};
+use omniwalk_env::robot::{Base, Passive, Robot};
 
 use super::check::Check;
 use super::engine::{Mujoco, Special, Workshop};
+use super::momentum;
 use super::network::largest;
 use super::process::{bytes, numbers};
 
 const STATES: u64 = 200;
 /// Relative; what the project promises of rapier and of lanes in double precision, and of lanes in single precision.
-const DOUBLE: f64 = 1e-6;
+pub const DOUBLE: f64 = 1e-6;
 const SINGLE: f64 = 1e-4;
 /// Tilted, so that no axis is special, m/s^2.
 const GRAVITY: [f64; 3] = [0.5, -0.3, -9.7];
 
 /// A state, and forces to move it.
-struct Case {
-    start: Start,
+pub struct Case {
+    /// The state.
+    pub start: Start,
     /// Torques of the degrees of freedom, and a force on the base.
     torques: Vec<f64>,
     push: Vector3<f64>,
@@ -49,11 +51,14 @@ type Accelerate<'a> = dyn FnMut(&Case, f64) -> miette::Result<Vec<f64>> + 'a;
 pub fn checks(robot: &Robot, workshop: &Workshop) -> miette::Result<Vec<Check>> {
     let mut reference = worlds(workshop, robot, Special::default())?;
     let cases: Vec<Case> = (0..STATES).map(|k| case(robot, k)).collect();
-    let mut checks = momentum(robot, &cases, &mut reference)?;
+    let mut checks = momentum::kinematics(robot, &cases, &mut reference)?;
     let mut lanes = |name: &str, level: Simd, dt: f64, bound: f64| -> miette::Result<()> {
-        let mut engine = Lanes::new(robot, dt, 1, level).map_err(refused)?;
+        let make =
+            |dt| -> miette::Result<Box<dyn Engine>> { Ok(Box::new(Lanes::new(robot, dt, 1, level).map_err(refused)?)) };
+        let mut engine = make(dt)?;
+        checks.extend(momentum::checks(name, robot, &cases, &mut reference, &make, bound)?);
         let found = residual(robot, &cases, &mut reference, &mut |case, share| {
-            Ok(acceleration(robot, &mut engine, case, share, dt))
+            Ok(acceleration(robot, &mut *engine, case, share, dt))
         })?;
         checks.extend(both(name, found, bound));
         Ok(())
@@ -72,10 +77,13 @@ pub fn checks(robot: &Robot, workshop: &Workshop) -> miette::Result<Vec<Check>> 
     };
     let mut reference = worlds(workshop, &free, special)?;
     let cases: Vec<Case> = (0..STATES).map(|k| case(&free, k)).collect();
+    let make = |dt| -> miette::Result<Box<dyn Engine>> { Ok(Box::new(Rapier::new(&free, dt, 1).map_err(refused)?)) };
+    let name = "rapier, couplings left out";
+    checks.extend(momentum::checks(name, &free, &cases, &mut reference, &make, DOUBLE)?);
     let found = residual(&free, &cases, &mut reference, &mut |case, share| {
-        extrapolated(&free, case, share)
+        extrapolated(&mut |dt| Ok(acceleration(&free, &mut *make(dt)?, case, share, dt)))
     })?;
-    checks.extend(both("rapier, couplings left out", found, DOUBLE));
+    checks.extend(both(name, found, DOUBLE));
     Ok(checks)
 }
 
@@ -141,7 +149,7 @@ fn case(robot: &Robot, index: u64) -> Case {
 }
 
 /// The robot's masses and armatures without any friction or damping.
-fn frictionless(robot: &Robot) -> World {
+pub fn frictionless(robot: &Robot) -> World {
     let nothing = Friction {
         tangential: 0.0,
         torsional: 0.0,
@@ -188,14 +196,10 @@ fn acceleration(robot: &Robot, engine: &mut dyn Engine, case: &Case, share: f64,
     base.chain(joints).map(|change| change / dt).collect()
 }
 
-/// Rapier takes velocity products implicitly, so its accelerations are off by a series in the step: from three steps, each half
-/// the one before, the first two terms go.
-fn extrapolated(robot: &Robot, case: &Case, share: f64) -> miette::Result<Vec<f64>> {
-    let at = |dt: f64| -> miette::Result<Vec<f64>> {
-        let mut engine = Rapier::new(robot, dt, 1).map_err(refused)?;
-        Ok(acceleration(robot, &mut engine, case, share, dt))
-    };
-    let [whole, half, quarter] = [at(2e-4)?, at(1e-4)?, at(5e-5)?];
+/// What `of` finds with a step, without one. Rapier takes velocity products implicitly, so its accelerations are off by a series in
+/// the step, as velocities are that are differences of positions: from three steps, each half the one before, the first two terms go.
+pub fn extrapolated(of: &mut dyn FnMut(f64) -> miette::Result<Vec<f64>>) -> miette::Result<Vec<f64>> {
+    let [whole, half, quarter] = [of(2e-4)?, of(1e-4)?, of(5e-5)?];
     let terms = whole.iter().zip(&half).zip(&quarter);
     Ok(terms
         .map(|((whole, half), quarter)| (8.0 * quarter - 6.0 * half + whole) / 3.0)
@@ -233,38 +237,8 @@ fn residual(
 }
 
 /// What MuJoCo says of a case for rows of accelerations, see `dynamics.of` in Python.
-fn equation(robot: &Robot, case: &Case, reference: &mut Mujoco, rows: &[f64]) -> miette::Result<Vec<f64>> {
+pub fn equation(robot: &Robot, case: &Case, reference: &mut Mujoco, rows: &[f64]) -> miette::Result<Vec<f64>> {
     reference.reset(0, &case.start, &frictionless(robot));
     let asked = reference.ask(b'd', &bytes(rows)).map(|reply| numbers(reply).collect());
     asked.map_err(|why| miette!("MuJoCo: {why}"))
-}
-
-/// Centre of mass and momentum by this project's kinematics, which environments and estimators go by.
-fn momentum(robot: &Robot, cases: &[Case], reference: &mut Mujoco) -> miette::Result<Vec<Check>> {
-    let mut kinematics = Kinematics::new(robot);
-    let mut worst = [0.0; 3];
-    for case in cases {
-        let start = &case.start;
-        kinematics.set_pose(
-            robot,
-            &Isometry3::from_parts(start.position.into(), start.orientation),
-            &start.joints,
-        );
-        let (linear, angular) = (&start.linear_velocity, &start.angular_velocity);
-        kinematics.set_velocity(robot, linear, angular, &start.joint_velocities);
-        let (linear, angular) = kinematics.momentum(robot);
-        let center = kinematics
-            .center_of_mass(robot.links.iter().map(|link| &link.inertial))
-            .coords;
-        let found = equation(robot, case, reference, &[])?;
-        for (k, ours) in [center, linear, angular].iter().enumerate() {
-            let theirs = Vector3::from_column_slice(&found[3 * k..3 * k + 3]);
-            worst[k] = largest(worst[k], (ours - theirs).norm() / theirs.norm());
-        }
-    }
-    let names = ["centre of mass", "linear momentum", "angular momentum"];
-    let checks = names.iter().zip(worst);
-    Ok(checks
-        .map(|(name, worst)| Check::new(format!("kinematics: {name}, relative"), worst, DOUBLE))
-        .collect())
 }

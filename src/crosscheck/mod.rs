@@ -5,6 +5,7 @@ pub mod check;
 pub mod closed_loop;
 pub mod dynamics;
 pub mod engine;
+pub mod momentum;
 pub mod motions;
 pub mod network;
 pub mod observation;

@@ -235,3 +235,37 @@ fn a_policy_file_is_judged_into_a_folder_of_its_own() {
     succeeds(folder.path(), &[&judge[..], &quick].concat());
     assert!(folder.path().join("p.eval/eval.json").is_file());
 }
+
+#[test]
+fn a_robot_with_play_is_not_judged_at_200_hz_without_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni/policy.omni");
+    copy(&robot("nimbro_op2x"), &folder.path().join("loose"));
+    let file = folder.path().join("loose/robot.toml");
+    let text = fs::read_to_string(&file).unwrap();
+    let play = "\n[[effect]]\nid = \"backlash\"\nmatch = [\"*_knee_pitch\"]\ngap = 0.01\n";
+    fs::write(file, text + play).unwrap();
+    fs::copy(&policy, folder.path().join("p.omni")).unwrap();
+    let judge = [
+        "eval",
+        "p.omni",
+        "--robot",
+        "loose",
+        "--engine",
+        "lanes",
+        "--episodes",
+        "1",
+        "--seconds",
+        "1",
+    ];
+    let said = succeeds(folder.path(), &judge).message();
+    let warning =
+        "play or springs between motor and joint (left_knee_pitch and 1 more) move otherwise at 200 Hz than at 1000";
+    assert!(said.contains(warning), "{said}");
+    let said = succeeds(
+        folder.path(),
+        &[&judge[..], &["--set", "engine.physics_hz=1000"]].concat(),
+    )
+    .message();
+    assert!(!said.contains("warning"), "{said}");
+}

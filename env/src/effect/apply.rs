@@ -37,14 +37,32 @@ pub fn apply(robot: &mut Robot, effect: &Effect) {
     robot.effects.push(effect.clone());
 }
 
+/// Rate of the physics from which on rotors on springs and in gaps move as they do at any higher one, Hz (docs/crosscheck.md has the
+/// measurement).
+pub const ROTORS_HZ: u32 = 1000;
+
+/// Names of the joints whose motor is a body of its own, behind backlash or elasticity.
+pub fn sprung(robot: &Robot) -> Vec<&str> {
+    let mut names: Vec<&str> = rotors(robot).map(|d| robot.dof(d).name.as_str()).collect();
+    names.dedup();
+    names
+}
+
+/// Degrees of freedom whose rotor is a body of its own.
+fn rotors(robot: &Robot) -> impl Iterator<Item = usize> {
+    let transmissions = robot
+        .effects
+        .iter()
+        .filter(|effect| matches!(effect.kind, Kind::Backlash | Kind::Elasticity) && effect.values[0] > 0.0);
+    transmissions.map(|effect| effect.target)
+}
+
 /// What engines are to know of the joints' passive dynamics: a rotor that backlash or elasticity make a body of its own
 /// is no part of the joint.
 pub fn engine_passive(robot: &Robot) -> Vec<Passive> {
     let mut passive: Vec<Passive> = robot.joints.iter().map(|joint| joint.passive).collect();
-    for effect in &robot.effects {
-        if matches!(effect.kind, Kind::Backlash | Kind::Elasticity) && effect.values[0] > 0.0 {
-            passive[robot.dofs[effect.target]].armature = 0.0;
-        }
+    for d in rotors(robot) {
+        passive[robot.dofs[d]].armature = 0.0;
     }
     passive
 }

@@ -24,6 +24,27 @@ pub const DAMPING: f64 = 1e3;
 const PUSH_OUT: f64 = 1.0;
 /// Points farther above the ground than this do not take part, m: a point that falls at 10 m/s meets the ground in time at 200 Hz.
 const REACH: f64 = 0.05;
+
+/// How the spring and damper of a point give way over a step.
+#[derive(Clone, Copy)]
+pub struct Give {
+    /// Push-out speed per depth, 1/s.
+    recovery: f64,
+    /// Approach speed per unit of impulse, 1/kg.
+    softness: f64,
+}
+
+impl Give {
+    /// Over a step of `dt` s, with contacts `hardness` times as hard: as hard as a step that is shorter by that factor allows.
+    pub fn new(dt: f64, hardness: f64) -> Self {
+        let (stiffness, damping) = (hardness * hardness * STIFFNESS, hardness * DAMPING);
+        Self {
+            recovery: stiffness / (dt * stiffness + damping),
+            softness: 1.0 / (dt * (dt * stiffness + damping)),
+        }
+    }
+}
+
 /// After the factorisation: every body's response, its points, and the warm start.
 #[inline(always)]
 pub fn prepare<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>) {
@@ -53,7 +74,7 @@ fn prepare_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L
                 base_height + position.z
             };
             target.active |= gap.any_lt(L::of(REACH));
-            place_point(point, gap, model.dt);
+            place_point(point, gap, model);
         }
         let impulses = &mut group.state.contacts[body.first_point..][..body.points.len()];
         if !target.active {
@@ -80,7 +101,7 @@ fn prepare_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L
             } else {
                 None
             };
-            point_response(&target.response, point, tilt, &cone, model.dt);
+            point_response(&target.response, point, tilt, &cone, model.give.softness);
             let [o, reach] = [L::zero(), point.normal_max];
             impulse.normal = o.select_lt(reach, impulse.normal, o);
             for f in &mut impulse.friction {
@@ -94,9 +115,9 @@ fn prepare_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L
 
 /// The normal row's bias and bound.
 #[inline(always)]
-fn place_point<L: Lane>(point: &mut PointWork<L>, gap: L, dt: f64) {
-    let recovery = (gap * L::of(STIFFNESS / (dt * STIFFNESS + DAMPING))).max(L::of(-PUSH_OUT));
-    point.bias = gap.select_lt(L::zero(), recovery, gap * L::of(1.0 / dt));
+fn place_point<L: Lane>(point: &mut PointWork<L>, gap: L, model: &Model<L>) {
+    let recovery = (gap * L::of(model.give.recovery)).max(L::of(-PUSH_OUT));
+    point.bias = gap.select_lt(L::zero(), recovery, gap * L::of(1.0 / model.dt));
     point.normal_max = gap.select_lt(L::of(REACH), L::of(f32::MAX.into()), L::zero());
 }
 
@@ -228,7 +249,7 @@ fn point_response<L: Lane>(
     point: &mut PointWork<L>,
     tilt: Option<&Tilt<L>>,
     cone: &Cone<L>,
-    dt: f64,
+    softness: f64,
 ) {
     let arm = point.arm;
     // Motion of the point per wrench at the reference point: rows shift, linear += angular x arm.
@@ -252,14 +273,8 @@ fn point_response<L: Lane>(
         rows = [tilt.twist(&rows[0]), tilt.twist(&rows[1]), tilt.twist(&rows[2])];
     }
     let [along_x, along_y, normal] = rows;
-    point.normal_step = (normal[2] + L::of(softness(dt))).recip();
+    point.normal_step = (normal[2] + L::of(softness)).recip();
     cone.couple(point, &[along_x, along_y, normal]);
-}
-
-/// Approach speed of the normal row per unit of impulse.
-#[inline(always)]
-fn softness(dt: f64) -> f64 {
-    1.0 / (dt * (dt * STIFFNESS + DAMPING))
 }
 
 /// The wrench of a point's impulse about the body's reference point.
@@ -334,7 +349,7 @@ fn sweep_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L>,
                 velocity = tilt.twist(&velocity);
                 turning = &tilt.turning;
             }
-            let normal = push(point, impulse, velocity[2], model.dt);
+            let normal = push(point, impulse, velocity[2], model.give.softness);
             let friction = rub(point, turning, impulse, &velocity, normal, &cone);
             let change = point_wrench(point, tilt, &ContactImpulse { normal, friction }, &cone);
             wrench = wrench.plus(change);
@@ -352,9 +367,9 @@ fn sweep_on<L: Lane, const TILTED: bool>(model: &Model<L>, group: &mut Group<L>,
 
 /// Projects the normal impulse; returns its change.
 #[inline(always)]
-fn push<L: Lane>(point: &PointWork<L>, impulse: &mut ContactImpulse<L>, velocity: L, dt: f64) -> L {
+fn push<L: Lane>(point: &PointWork<L>, impulse: &mut ContactImpulse<L>, velocity: L, softness: f64) -> L {
     let old = impulse.normal;
-    let approach = velocity + L::of(softness(dt)).mul_add(old, point.bias);
+    let approach = velocity + L::of(softness).mul_add(old, point.bias);
     impulse.normal = point
         .normal_step
         .neg_mul_add(approach, old)

@@ -2,6 +2,7 @@
 
 use nalgebra::{IsometryMatrix3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
+use super::contact::Give;
 use super::group::Group;
 use super::lane::{Kernel, MAX_WIDTH};
 use super::model::Model;
@@ -64,6 +65,11 @@ impl<L: Kernel> Batch<L> {
         };
         batch.store_joints();
         batch
+    }
+
+    /// See [`super::Lanes::harden`].
+    pub fn harden(&mut self, hardness: f64) {
+        self.model.give = Give::new(self.model.dt, hardness);
     }
 
     /// Operations of the step under `drive` by phase; all zero where the lanes do not count.

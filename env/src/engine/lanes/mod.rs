@@ -196,6 +196,12 @@ impl Lanes {
         Ok(Self { level, batch })
     }
 
+    /// Makes the contacts as hard as a step that is `hardness` times shorter would allow: that many times [`CONTACT_DAMPING`], and its
+    /// square times [`CONTACT_STIFFNESS`].
+    pub fn harden(&mut self, hardness: f64) {
+        on!(&mut self.batch, batch => batch.harden(hardness));
+    }
+
     /// The lane type.
     pub fn level(&self) -> Simd {
         self.level

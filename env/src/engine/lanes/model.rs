@@ -14,6 +14,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
+use super::contact::Give;
 use super::lane::Lane;
 use crate::ground::Ground;
 use crate::robot::{Base, JointKind, Robot};
@@ -90,6 +91,8 @@ pub struct ContactBody<L: Lane> {
 pub struct Model<L: Lane> {
     /// Physics step, s.
     pub dt: f64,
+    /// How contact points give way.
+    pub give: Give,
     /// What the contact points touch.
     pub ground: Ground,
     /// Gauss-Seidel sweeps over all contacts and joints in a step.
@@ -142,6 +145,7 @@ impl<L: Lane> Model<L> {
             .map(|(l, u)| (L::scalar(l), L::scalar(u)));
         Self {
             dt,
+            give: Give::new(dt, 1.0),
             ground: ground.clone(),
             sweeps: SWEEPS,
             floating,

@@ -8,12 +8,14 @@
 mod curve;
 mod settle;
 mod step;
+mod worth;
+
+pub use worth::is_above;
 
 use omniwalk_env::effect::{Kind, Site};
 use omniwalk_env::robot::Robot;
 
 use super::candidates::{self, Candidate};
-use super::contact;
 use super::cross::{Folds, Gain};
 use super::fit::{Data, Fit, Loss, total};
 use super::floor::Floor;
@@ -24,20 +26,6 @@ use super::scales::Scales;
 use super::screen;
 use step::Stage;
 
-/// Probability of a false alarm in a step, over all effects tried.
-const FALSE_ALARM: f64 = 0.05;
-/// Least fall of the cross-validated loss that makes an effect worth having.
-const WORTH: f64 = 0.02;
-/// The same as a share of what noise and integrator leave to be explained.
-const WORTH_OF_GAP: f64 = 0.05;
-/// What is left is more than noise when the loss is so many times the floor's.
-const ABOVE_FLOOR: f64 = 1.5;
-/// Where all that is left is negligible an effect must take this share of it.
-const WORTH_OF_LITTLE: f64 = 0.5;
-/// Effects are told apart when the difference is this unlikely by chance ...
-const APART: f64 = 0.02;
-/// ... and at least this share of the loss.
-const APART_SHARE: f64 = 0.01;
 /// Share of what the best effect takes of the loss from which on another may stand for it.
 const RIVAL: f64 = 0.25;
 /// Most effects.
@@ -184,17 +172,6 @@ impl<'a> Selector<'a> {
         self.data.finer == 1 && !self.data.is_free() && coarse()
     }
 
-    /// Whether `fit` leaves more than noise of a degree of freedom; of a robot on the ground of all together, as its ground is in all of them.
-    fn is_above_floor(&self, fit: &Fit) -> bool {
-        if self.data.is_free() {
-            return total(&fit.losses) > ABOVE_FLOOR * self.floor;
-        }
-        let left = leftover::squares(self.data, &fit.model);
-        left.iter()
-            .zip(&self.floors)
-            .any(|(left, floor)| *left > ABOVE_FLOOR * floor)
-    }
-
     /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
     /// one of `count` such tests; the joint's other numbers are fitted with and without.
     pub fn retuning_helps(&self, fit: &Fit, dof: usize, own: &[Own], count: usize) -> bool {
@@ -208,12 +185,6 @@ impl<'a> Selector<'a> {
         straight.for_each(|tuned| (tuned.value, tuned.held) = (tuned.nominal, true));
         let [with, without] = [with, without].map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
         self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
-    }
-
-    /// Whether `after` predicts better than `before` by what is worth it, and beyond chance for the best of `count` in every limb.
-    fn is_better(&self, before: &Judged, after: &Judged, count: usize) -> bool {
-        let gain = self.folds.gain(&before.cross, &after.cross);
-        self.worth(before, after, &gain) && gain.p * (count * self.limbs) as f64 <= FALSE_ALARM
     }
 
     fn judge(&self, fit: Fit) -> Judged {
@@ -237,44 +208,6 @@ impl<'a> Selector<'a> {
         } else {
             judged
         }
-    }
-
-    /// Whether `after` predicts so much better than `before` (by `gain`) that it is worth having; what the fits to all do not
-    /// show, their cross-validation shows by accident.
-    fn worth(&self, before: &Judged, after: &Judged, gain: &Gain) -> bool {
-        if total(&after.fit.losses) > (1.0 - WORTH) * total(&before.fit.losses) {
-            return false;
-        }
-        let beyond = self.beyond_negligible(&before.cross);
-        let (least, counts): (_, &dyn Fn(usize) -> bool) = if beyond.contains(&true) {
-            (WORTH_OF_GAP, &|d| beyond[d])
-        } else {
-            (WORTH_OF_LITTLE, &|_| true)
-        };
-        let [loss, left] = [&before.cross, &after.cross].map(|losses| self.sum_of(losses, counts));
-        let dofs = self.floors.iter().enumerate().filter(|(d, _)| counts(*d));
-        let gap = loss - dofs.map(|(_, floor)| floor).sum::<f64>();
-        gain.share >= WORTH && loss - left >= least * gap
-    }
-
-    /// Sum of losses by block and degree of freedom over those degrees of freedom that `counts` names.
-    fn sum_of(&self, losses: &[Loss], counts: impl Fn(usize) -> bool) -> f64 {
-        let dofs = self.floors.len();
-        let own = losses.iter().enumerate().filter(|(cell, _)| counts(cell % dofs));
-        own.map(|(_, loss)| loss.squares).sum()
-    }
-
-    /// Of which degrees of freedom more is left than what is negligible; of a robot on the ground of all or none, as its ground is in all
-    /// of them.
-    fn beyond_negligible(&self, losses: &[Loss]) -> Vec<bool> {
-        let dofs = self.floors.len();
-        let bound: Vec<f64> = self.floors.iter().zip(&self.negligible).map(|(a, b)| a + b).collect();
-        if self.data.is_free() {
-            return vec![total(losses) > bound.iter().sum(); dofs];
-        }
-        (0..dofs)
-            .map(|d| self.sum_of(losses, |own| own == d) > bound[d])
-            .collect()
     }
 
     /// Runs all steps from the re-tuned `nominal` with the effects of `first`; `log` hears of progress.
@@ -407,24 +340,6 @@ impl<'a> Selector<'a> {
         self.data.fit(&model, self.scales, &|_| true).model
     }
 
-    /// Whether `better` predicts better than `worse` beyond chance. What is off by no more than noise cannot be ruled out,
-    /// whatever predicts better.
-    fn apart(&self, worse: &[Loss], better: &[Loss]) -> bool {
-        let gain = self.folds.gain(worse, better);
-        gain.share >= APART_SHARE && gain.p <= APART && total(worse) > self.floor
-    }
-
-    /// Whether what `after` takes is more than another model of ground contact would let it take.
-    fn beyond_contact(&self, before: &Judged, after: &Judged) -> bool {
-        if !self.data.is_free() {
-            return true;
-        }
-        let there = contact::elsewhere(self.data, &before.fit.model);
-        let nothing = total(&there.losses(std::slice::from_ref(&before.fit.model))[0]);
-        let made = nothing - total(&there.fit(&after.fit.model, self.scales, &|_| true).losses);
-        total(&before.fit.losses) - total(&after.fit.losses) > BEYOND_CONTACT * made
-    }
-
     /// The fit with the terms of `model`, which may be known already: from where it was fitted first, which may be a lesser
     /// minimum than the values of `model` lead to.
     fn known(&self, steps: &mut Steps, model: &Model) -> Judged {
@@ -441,26 +356,7 @@ impl<'a> Selector<'a> {
         }
         known.clone()
     }
-
-    fn reason(&self, gain: &Gain, count: usize) -> String {
-        if gain.share < WORTH {
-            format!("cross-validated loss falls by {:.1} %", 100.0 * gain.share.max(-9.99))
-        } else if gain.p * count as f64 > FALSE_ALARM {
-            let p = (gain.p * count as f64).min(1.0);
-            format!("not significant: p = {p:.2} over {count} effects tried")
-        } else {
-            "needless beside what was accepted".to_owned()
-        }
-    }
 }
-
-/// Whether `loss` is more than noise, and more than what is `negligible` beside it.
-pub fn is_above(loss: f64, floor: f64, negligible: f64) -> bool {
-    loss > ABOVE_FLOOR * floor && loss > floor + negligible
-}
-
-/// An effect is none of the ground's when it takes so many times what it would take were nothing missing and the ground another.
-const BEYOND_CONTACT: f64 = 2.0;
 
 /// Numbers of the effects that are fitted.
 fn size(model: &Model) -> usize {

@@ -5,7 +5,8 @@ use omniwalk_env::effect::Kind;
 use super::super::candidates::refinements;
 use super::super::fit::total;
 use super::super::model::Model;
-use super::{APART, Alike, Selector, Steps, size};
+use super::worth::APART;
+use super::{Alike, Selector, Steps, size};
 
 impl Selector<'_> {
     /// Takes out what the model predicts as well without: effects, and what refines them.

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::super::candidates::{self, Candidate};
 use super::super::cross::Gain;
 use super::super::fit::total;
-use super::{Judged, PAIRED, Rejected, Selector, Steps, Terms, WORTH, size, terms};
+use super::worth::WORTH;
+use super::{Judged, PAIRED, Rejected, Selector, Steps, Terms, size, terms};
 
 /// Which effects a step may take.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,116 @@
+//! What a model must gain on another to be worth having.
+
+use super::super::contact;
+use super::super::cross::Gain;
+use super::super::fit::{Fit, Loss, total};
+use super::super::leftover;
+use super::{Judged, Selector};
+
+/// Probability of a false alarm in a step, over all effects tried.
+const FALSE_ALARM: f64 = 0.05;
+/// Least fall of the cross-validated loss that makes an effect worth having.
+pub(super) const WORTH: f64 = 0.02;
+/// The same as a share of what noise and integrator leave to be explained.
+const WORTH_OF_GAP: f64 = 0.05;
+/// What is left is more than noise when the loss is so many times the floor's.
+const ABOVE_FLOOR: f64 = 1.5;
+/// Where all that is left is negligible an effect must take this share of it.
+const WORTH_OF_LITTLE: f64 = 0.5;
+/// Effects are told apart when the difference is this unlikely by chance ...
+pub(super) const APART: f64 = 0.02;
+/// ... and at least this share of the loss.
+const APART_SHARE: f64 = 0.01;
+/// An effect is none of the ground's when it takes so many times what it would take were nothing missing and the ground another.
+const BEYOND_CONTACT: f64 = 2.0;
+
+impl Selector<'_> {
+    /// Whether `fit` leaves more than noise of a degree of freedom; of a robot on the ground of all together, as its ground is in all of them.
+    pub(super) fn is_above_floor(&self, fit: &Fit) -> bool {
+        if self.data.is_free() {
+            return total(&fit.losses) > ABOVE_FLOOR * self.floor;
+        }
+        let left = leftover::squares(self.data, &fit.model);
+        left.iter()
+            .zip(&self.floors)
+            .any(|(left, floor)| *left > ABOVE_FLOOR * floor)
+    }
+
+    /// Whether `after` predicts better than `before` by what is worth it, and beyond chance for the best of `count` in every limb.
+    pub(super) fn is_better(&self, before: &Judged, after: &Judged, count: usize) -> bool {
+        let gain = self.folds.gain(&before.cross, &after.cross);
+        self.worth(before, after, &gain) && gain.p * (count * self.limbs) as f64 <= FALSE_ALARM
+    }
+
+    /// Whether `after` predicts so much better than `before` (by `gain`) that it is worth having; what the fits to all do not
+    /// show, their cross-validation shows by accident.
+    pub(super) fn worth(&self, before: &Judged, after: &Judged, gain: &Gain) -> bool {
+        if total(&after.fit.losses) > (1.0 - WORTH) * total(&before.fit.losses) {
+            return false;
+        }
+        let beyond = self.beyond_negligible(&before.cross);
+        let (least, counts): (_, &dyn Fn(usize) -> bool) = if beyond.contains(&true) {
+            (WORTH_OF_GAP, &|d| beyond[d])
+        } else {
+            (WORTH_OF_LITTLE, &|_| true)
+        };
+        let [loss, left] = [&before.cross, &after.cross].map(|losses| self.sum_of(losses, counts));
+        let dofs = self.floors.iter().enumerate().filter(|(d, _)| counts(*d));
+        let gap = loss - dofs.map(|(_, floor)| floor).sum::<f64>();
+        gain.share >= WORTH && loss - left >= least * gap
+    }
+
+    /// Sum of losses by block and degree of freedom over those degrees of freedom that `counts` names.
+    fn sum_of(&self, losses: &[Loss], counts: impl Fn(usize) -> bool) -> f64 {
+        let dofs = self.floors.len();
+        let own = losses.iter().enumerate().filter(|(cell, _)| counts(cell % dofs));
+        own.map(|(_, loss)| loss.squares).sum()
+    }
+
+    /// Of which degrees of freedom more is left than what is negligible; of a robot on the ground of all or none, as its ground is in all
+    /// of them.
+    fn beyond_negligible(&self, losses: &[Loss]) -> Vec<bool> {
+        let dofs = self.floors.len();
+        let bound: Vec<f64> = self.floors.iter().zip(&self.negligible).map(|(a, b)| a + b).collect();
+        if self.data.is_free() {
+            return vec![total(losses) > bound.iter().sum(); dofs];
+        }
+        (0..dofs)
+            .map(|d| self.sum_of(losses, |own| own == d) > bound[d])
+            .collect()
+    }
+
+    /// Whether `better` predicts better than `worse` beyond chance. What is off by no more than noise cannot be ruled out,
+    /// whatever predicts better.
+    pub(super) fn apart(&self, worse: &[Loss], better: &[Loss]) -> bool {
+        let gain = self.folds.gain(worse, better);
+        gain.share >= APART_SHARE && gain.p <= APART && total(worse) > self.floor
+    }
+
+    /// Whether what `after` takes is more than another model of ground contact would let it take.
+    pub(super) fn beyond_contact(&self, before: &Judged, after: &Judged) -> bool {
+        if !self.data.is_free() {
+            return true;
+        }
+        let there = contact::elsewhere(self.data, &before.fit.model);
+        let nothing = total(&there.losses(std::slice::from_ref(&before.fit.model))[0]);
+        let made = nothing - total(&there.fit(&after.fit.model, self.scales, &|_| true).losses);
+        total(&before.fit.losses) - total(&after.fit.losses) > BEYOND_CONTACT * made
+    }
+
+    /// Why an effect with `gain` was not taken, of `count` that were tried.
+    pub(super) fn reason(&self, gain: &Gain, count: usize) -> String {
+        if gain.share < WORTH {
+            format!("cross-validated loss falls by {:.1} %", 100.0 * gain.share.max(-9.99))
+        } else if gain.p * count as f64 > FALSE_ALARM {
+            let p = (gain.p * count as f64).min(1.0);
+            format!("not significant: p = {p:.2} over {count} effects tried")
+        } else {
+            "needless beside what was accepted".to_owned()
+        }
+    }
+}
+
+/// Whether `loss` is more than noise, and more than what is `negligible` beside it.
+pub fn is_above(loss: f64, floor: f64, negligible: f64) -> bool {
+    loss > ABOVE_FLOOR * floor && loss > floor + negligible
+}
