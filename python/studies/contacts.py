@@ -1,8 +1,8 @@
 """What makes MuJoCo walk otherwise than the engines: gate 3 of the cross-check under one changed setting at a time.
 
-    cd python; python3 -m studies.contacts ../docs/measured/contacts.csv --python ../target/python/bin/python
+    cd python; python3 -m studies.contacts contacts.csv --python ../target/python/bin/python
 
-Walks the commands of the falls suite, ten sequences of 10 s each with the same seeds, in rapier, lanes and MuJoCo; a row for each
+Walks ten commands, ten sequences of 10 s each with the same seeds, in rapier, lanes and MuJoCo; a row for each
 setting, with the difference that it makes to MuJoCo's own error and that difference's standard error over the commands. Prints
 the table, and goes on where it was stopped. Needs `cargo build --release` and a Python with MuJoCo.
 """

@@ -8,11 +8,7 @@ use super::support::{omniwalk, refuses_in, succeeds, tiny};
 
 /// The walk of the repository.
 fn policy() -> String {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    root.join("runs/nimbro_op2x_omni/policy.omni")
-        .to_str()
-        .unwrap()
-        .to_owned()
+    super::support::policy().to_str().unwrap().to_owned()
 }
 
 /// The default robot, whatever folder the command runs in.

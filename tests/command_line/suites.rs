@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use super::support::{GAIT, copy, omniwalk, robot, succeeds, tiny};
+use super::support::{GAIT, copy, omniwalk, policy, robot, succeeds, tiny};
 use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -227,8 +227,7 @@ fn a_suite_beyond_the_bounds_a_policy_was_trained_for_is_refused() {
 #[test]
 fn a_policy_file_is_judged_into_a_folder_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
-    let policy = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni/policy.omni");
-    fs::copy(policy, folder.path().join("p.omni")).unwrap();
+    fs::copy(policy(), folder.path().join("p.omni")).unwrap();
     let home = robot("nimbro_op2x");
     let quick = ["--engine", "lanes", "--nominal", "--episodes", "1", "--seconds", "1"];
     let judge = ["eval", "p.omni", "--suite", "falls", "--robot", home.to_str().unwrap()];
@@ -239,33 +238,19 @@ fn a_policy_file_is_judged_into_a_folder_of_its_own() {
 #[test]
 fn a_robot_with_play_is_not_judged_at_200_hz_without_a_warning() {
     let folder = tempfile::tempdir().unwrap();
-    let policy = Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni/policy.omni");
     copy(&robot("nimbro_op2x"), &folder.path().join("loose"));
     let file = folder.path().join("loose/robot.toml");
     let text = fs::read_to_string(&file).unwrap();
     let play = "\n[[effect]]\nid = \"backlash\"\nmatch = [\"*_knee_pitch\"]\ngap = 0.01\n";
     fs::write(file, text + play).unwrap();
-    fs::copy(&policy, folder.path().join("p.omni")).unwrap();
-    let judge = [
-        "eval",
-        "p.omni",
-        "--robot",
-        "loose",
-        "--engine",
-        "lanes",
-        "--episodes",
-        "1",
-        "--seconds",
-        "1",
-    ];
-    let said = succeeds(folder.path(), &judge).message();
+    fs::copy(policy(), folder.path().join("p.omni")).unwrap();
+    let said = |more: &str| {
+        let judge = format!("eval p.omni --robot loose --engine lanes --episodes 1 --seconds 1 {more}");
+        succeeds(folder.path(), &judge.split_whitespace().collect::<Vec<_>>()).message()
+    };
     let warning =
         "play or springs between motor and joint (left_knee_pitch and 1 more) move otherwise at 200 Hz than at 1000";
-    assert!(said.contains(warning), "{said}");
-    let said = succeeds(
-        folder.path(),
-        &[&judge[..], &["--set", "engine.physics_hz=1000"]].concat(),
-    )
-    .message();
-    assert!(!said.contains("warning"), "{said}");
+    assert!(said("").contains(warning), "{}", said(""));
+    let quiet = said("--set engine.physics_hz=1000");
+    assert!(!quiet.contains("warning"), "{quiet}");
 }

@@ -79,6 +79,11 @@ pub fn robot(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("robots").join(name)
 }
 
+/// The walk of the repository.
+pub fn policy() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("runs/nimbro_op2x_omni/policy.omni")
+}
+
 /// A configuration that trains in a blink: small networks, few environments, everything random switched on.
 pub fn tiny() -> String {
     format!(
