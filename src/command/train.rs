@@ -55,7 +55,7 @@ pub struct Args {
     #[arg(long, value_parser = ["rapier", "lanes"])]
     engine: Option<String>,
     /// Total number of control steps; training ends with the first update that reaches it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = super::steps)]
     steps: Option<u64>,
     /// Changes a single value, for example --set reward.velocity_kernel=9.
     #[arg(long, value_name = "KEY=VALUE")]
@@ -65,7 +65,7 @@ pub struct Args {
     /// A process of the lowest priority plays the commands of the `[eval]` section (see `omniwalk crosscheck`); how the
     /// checkpoints transfer goes to crosscheck.csv and TensorBoard, and the best of them is kept for `export --best-transfer`.
     /// Where one takes longer than N steps, the next waits for it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = between)]
     crosscheck_every: Option<u64>,
     /// Python interpreter with MuJoCo and NumPy for --crosscheck-every [default: one in an environment that is made for it].
     #[arg(long, value_name = "FILE", requires = "crosscheck_every")]
@@ -76,6 +76,14 @@ pub struct Args {
     /// How progress is printed.
     #[arg(long, value_enum, default_value = "text")]
     log_format: LogFormat,
+}
+
+/// Control steps between two cross-checks.
+fn between(text: &str) -> Result<u64, String> {
+    match super::steps(text)? {
+        0 => Err("at least 1 step lies between two".into()),
+        steps => Ok(steps),
+    }
 }
 
 /// Runs the command.

@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use miette::miette;
 use omniwalk_env::EnvConfig;
 use omniwalk_env::engine::Maker;
 use serde_json::{Map, Value, json};
@@ -172,6 +173,21 @@ pub fn walks(engine: &Map<String, Value>, mujoco: &Map<String, Value>) -> [Walk;
             });
         walk
     })
+}
+
+/// Whether there is something to compare in what was walked in an engine.
+///
+/// # Errors
+/// When sequences were walked to their end and none lasted long enough for a velocity.
+pub fn measured(results: &Map<String, Value>) -> miette::Result<()> {
+    let [walk, _] = walks(results, results);
+    if walk.survived > 0 && !walk.error_xy.is_finite() {
+        return Err(miette!(
+            help = "give longer ones by --seconds",
+            "the sequences end before a velocity is measured: that begins a second after a command is reached, and takes another"
+        ));
+    }
+    Ok(())
 }
 
 fn add_sequences(walk: &mut Walk, sequences: Option<u64>, falls: Option<u64>) {

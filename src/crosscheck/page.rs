@@ -12,8 +12,13 @@ pub fn page(result: &Value) -> String {
     let text = |key: &str| escaped(result[key].as_str().unwrap_or(""));
     let mut out = format!(
         "{HEAD}<style>{STYLE}.pass{{color:#2e7d32}}.fail{{color:#c62828}}</style>\n<h1>omniwalk cross-check: {}</h1>\n\
-         <p>{} on {} after {} steps; {} at {} Hz against MuJoCo {}; seed {}; omniwalk {}</p>\n",
+         <p>Gates: {}. {} on {} after {} steps; {} at {} Hz against MuJoCo {}; seed {}; settings changed: {}; omniwalk {}</p>\n",
         mark(&result["pass"]),
+        result["gates"].as_object().map_or_else(String::new, |gates| gates
+            .keys()
+            .cloned()
+            .collect::<Vec<_>>()
+            .join(", ")),
         text("policy"),
         text("robot"),
         result["steps"],
@@ -21,6 +26,7 @@ pub fn page(result: &Value) -> String {
         result["physics_hz"],
         text("mujoco"),
         result["seed"],
+        changes(result),
         text("version"),
     );
     let gates = &result["gates"];
@@ -36,6 +42,21 @@ pub fn page(result: &Value) -> String {
         closed_loop(gate, &mut out);
     }
     out + "</html>\n"
+}
+
+/// What `--set` changed.
+fn changes(result: &Value) -> String {
+    let set: Vec<&str> = result["set"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    if set.is_empty() {
+        "none".into()
+    } else {
+        escaped(&set.join(", "))
+    }
 }
 
 fn mark(pass: &Value) -> &'static str {

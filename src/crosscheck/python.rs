@@ -59,11 +59,10 @@ impl Python {
     /// # Errors
     /// When there is no Python, no MuJoCo, or the environment cannot be made: what to do then.
     pub fn open(program: Option<&Path>, environment: Option<&Path>) -> miette::Result<Self> {
-        let program = match program {
-            Some(program) => program.to_owned(),
-            None => environment_of(&environment.map_or_else(default_folder, |folder| Ok(folder.to_owned()))?)?,
+        let (program, mujoco) = match program {
+            Some(program) => (program.to_owned(), version(program)?),
+            None => own(&environment.map_or_else(default_folder, |folder| Ok(folder.to_owned()))?)?,
         };
-        let mujoco = version(&program)?;
         Ok(Self {
             sources: write_sources()?,
             program,
@@ -168,6 +167,24 @@ fn default_folder() -> miette::Result<PathBuf> {
         "mujoco-{:02x}{:02x}{:02x}{:02x}",
         digest[0], digest[1], digest[2], digest[3]
     )))
+}
+
+/// The interpreter of the environment in `folder` and its MuJoCo's version; one that is damaged is made anew.
+fn own(folder: &Path) -> miette::Result<(PathBuf, String)> {
+    let program = environment_of(folder)?;
+    if let Ok(found) = version(&program) {
+        return Ok((program, found));
+    }
+    tell(format_args!(
+        "the Python environment in {} is damaged",
+        folder.display()
+    ));
+    fs::remove_file(folder.join(COMPLETE))
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot use {}", folder.display()))?;
+    let program = environment_of(folder)?;
+    let found = version(&program)?;
+    Ok((program, found))
 }
 
 /// The interpreter of the environment in `folder`, which is made if it is not whole. Another process that makes it is waited

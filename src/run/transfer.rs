@@ -14,6 +14,7 @@ use serde_json::Value;
 use super::RunFolder;
 use super::checkpoints::Checkpoints;
 use super::metrics::Metrics;
+use crate::crosscheck::closed_loop::LEAST_SURVIVAL;
 
 /// Columns of the file, and names of TensorBoard's scalars: sequences walked to their end as a share, error of the velocity in
 /// m/s and of turning in rad/s, each in MuJoCo and in the engine the policy learns in, and the ratios of MuJoCo's to
@@ -62,8 +63,8 @@ pub struct Transferred {
     pub error: f64,
 }
 
-/// The checkpoint of `run` that transfers best: of those that fall least often in MuJoCo the one that holds velocities best
-/// there, of several the newest.
+/// The checkpoint of `run` that transfers best: of those that survive in MuJoCo as the third gate asks, beside the one that falls least
+/// often there, the one that holds velocities best there, of several the newest. Who stands still falls least.
 ///
 /// # Errors
 /// When nothing was measured, or the file of what was is gone: what to do then.
@@ -83,10 +84,10 @@ pub fn best(run: &RunFolder) -> miette::Result<Transferred> {
             }));
         })?;
     }
-    let there = rows
-        .into_iter()
-        .filter(|row| !row.survival.is_nan() && row.path.is_file());
-    there.max_by(better).ok_or_else(|| {
+    rows.retain(|row| !row.survival.is_nan() && row.path.is_file());
+    let most = rows.iter().map(|row| row.survival).fold(0.0, f64::max);
+    let sound = rows.into_iter().filter(|row| row.survival >= LEAST_SURVIVAL * most);
+    sound.max_by(better).ok_or_else(|| {
         miette!(
             help = format!(
                 "measure while it trains: omniwalk train --resume --run {0} --steps N --crosscheck-every N\n\
@@ -102,10 +103,7 @@ pub fn best(run: &RunFolder) -> miette::Result<Transferred> {
 /// Which of two transfers better; a policy that held no velocity has no error and is the worse.
 fn better(a: &Transferred, b: &Transferred) -> std::cmp::Ordering {
     let error = |row: &Transferred| if row.error.is_nan() { f64::INFINITY } else { row.error };
-    let by_survival = a.survival.total_cmp(&b.survival);
-    by_survival
-        .then(error(b).total_cmp(&error(a)))
-        .then(a.step.cmp(&b.step))
+    error(b).total_cmp(&error(a)).then(a.step.cmp(&b.step))
 }
 
 /// Where the checkpoint of `step` is kept while and after it is measured.
@@ -155,8 +153,9 @@ mod tests {
     }
 
     #[test]
-    fn the_best_falls_least_then_holds_velocities_best_then_is_the_newest() {
-        let cases: [(&[Row], u64); 5] = [
+    fn the_best_falls_hardly_more_often_than_any_then_holds_velocities_best_then_is_the_newest() {
+        let cases: [(&[Row], u64); 6] = [
+            (&[(1, 1.0, 0.2, true), (2, 0.983, 0.03, true)], 2),
             (&[(1, 0.9, 0.01, true), (2, 1.0, 0.2, true)], 2),
             (&[(1, 1.0, 0.1, true), (2, 1.0, 0.2, true)], 1),
             (&[(1, 1.0, 0.1, true), (2, 1.0, 0.1, true)], 2),

@@ -223,6 +223,10 @@ fn arguments_that_make_no_sense() {
             "invalid value 'many' for '--steps",
         ),
         (
+            &["train", "tiny.toml", "--crosscheck-every", "0"],
+            "at least 1 step lies between two",
+        ),
+        (
             &["train", "tiny.toml", "--seed", "18446744073709551615"],
             "18446744073709551615 is not in",
         ),

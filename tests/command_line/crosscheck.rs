@@ -89,6 +89,11 @@ fn arguments_that_do_not_go_together_are_refused() {
         &["--set", "ground.kind=slope"],
         &["level plane", "ground.kind=plane"],
     );
+    refuses(
+        |_| (),
+        &["--suite", "push"],
+        &["pushes alone say nothing of survival", "--suite commands,push"],
+    );
     refuses_in(|_| (), &["crosscheck", "none"], &["none holds no run"]);
     refuses_in(
         |_| (),

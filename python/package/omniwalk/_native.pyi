@@ -180,7 +180,8 @@ class Controller:
     ) -> tuple[NDArray[np.float32], Status]:
         """One step, to be made once a control period: the targets (rad or m, finite, within limits) and a status.
 
-        `now` and `measured` are the times of the step and of its readings, ns on one clock that does not jump. `position` and
+        `now` and `measured` are the times of the step and of its readings, ns on one clock that does not jump. `attitude` is the fused
+        roll and pitch of the base, rad; `gyro` its rates about its own axes, rad/s; `desired` forward, left and turning to the left, m/s and rad/s. `position` and
         `velocity` are arrays in the policy's order, or dictionaries by joint name, which may hold other joints too; then
         the targets are a dictionary. `out` is the array to write the targets to."""
     def act(self, observations: ArrayLike, *, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:

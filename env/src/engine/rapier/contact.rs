@@ -22,7 +22,8 @@ use serde::{Deserialize, Serialize};
 
 use super::convert;
 use super::inertia::Turning;
-use super::scene::{State, Toucher};
+use super::scene::State;
+use super::shapes::Toucher;
 use crate::engine::Friction;
 
 /// Force of the ground on a link, averaged over the last step, world frame, N.

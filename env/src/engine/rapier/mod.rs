@@ -22,6 +22,7 @@ mod drive;
 mod inertia;
 mod lane;
 mod scene;
+mod shapes;
 mod snapshot;
 
 use nalgebra::{Isometry3, IsometryMatrix3, Vector3};

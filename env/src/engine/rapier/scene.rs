@@ -1,22 +1,17 @@
-//! From a robot to a rapier scene: bodies, multibody joints, couplings and colliders.
+//! From a robot to a rapier scene: bodies, multibody joints and couplings; `shapes` has the colliders.
 //!
 //! The scene is built once per batch and settled by a step of no length. Worlds start from clones of it, so that
 //! nothing of an episode reaches the next and equal starts replay bit for bit.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use rapier3d_f64::parry::shape::HeightFieldFlags;
-use rapier3d_f64::parry::utils::Array2;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::convert;
+use super::shapes::{self, Toucher};
 use crate::engine::EngineError;
-use crate::ground::{CELLS, Ground};
-use crate::robot::{Base, Geometry, Inertial, Joint, JointKind, Link, Robot, Shape};
-
-/// Collision groups: robots collide with the ground and with nothing else.
-const GROUND: Group = Group::GROUP_1;
-const ROBOT: Group = Group::GROUP_2;
+use crate::ground::Ground;
+use crate::robot::{Base, Inertial, Joint, JointKind, Robot};
 
 /// Mass (kg) and inertia (kg m^2) given to a link whose mass properties are zero: rapier stores inverses, so zero
 /// would mean immovable. A millionth of the lightest link of a small humanoid: nothing moves measurably otherwise.
@@ -71,16 +66,6 @@ pub(super) struct Freedom {
     pub limits: (f64, f64),
 }
 
-/// A link that may touch the ground.
-#[derive(Clone, Debug)]
-pub(super) struct Toucher {
-    /// Index into `Robot::links`.
-    pub link: usize,
-    pub colliders: Vec<ColliderHandle>,
-    /// Poses of the colliders in the link frame.
-    pub poses: Vec<Isometry3<f64>>,
-}
-
 /// What all worlds of a batch share.
 pub(super) struct Scene {
     pub template: State,
@@ -111,9 +96,7 @@ impl Scene {
         }
         let floating = robot.base == Base::Floating;
         let mut state = State::empty();
-        let ground = state
-            .colliders
-            .insert(ground_collider(surface).collision_groups(groups(GROUND, ROBOT)));
+        let ground = state.colliders.insert(shapes::ground(surface));
         let bodies: Vec<_> = (0..robot.links.len())
             .map(|link| state.add_body(robot, link, floating))
             .collect();
@@ -133,7 +116,7 @@ impl Scene {
             .map(|link| link.multibody)
             .expect("a robot with joints is a multibody");
         let freedoms = freedoms(robot, if floating { 6 } else { 0 });
-        let touchers = touchers(robot, &mut state, &bodies);
+        let touchers = shapes::touchers(robot, &mut state, &bodies);
         let feet = robot
             .feet
             .iter()
@@ -368,79 +351,6 @@ fn share_equally(coordinates: &mut [Coordinate]) {
     for coordinate in coordinates.iter_mut().filter(|c| c.multiplier != 0.0) {
         coordinate.share = 1.0 / moving as f64;
     }
-}
-
-fn touchers(robot: &Robot, state: &mut State, bodies: &[RigidBodyHandle]) -> Vec<Toucher> {
-    let toucher = |(link, data): (usize, &Link)| {
-        let offset = root_offset(robot.base, link, &data.inertial);
-        let poses: Vec<_> = data.shapes.iter().map(shape_pose).collect();
-        let add = |(shape, pose): (&Shape, &Isometry3<f64>)| {
-            let collider = collider(shape).position(convert::pose(&(offset.inverse() * pose)));
-            state
-                .colliders
-                .insert_with_parent(collider, bodies[link], &mut state.bodies)
-        };
-        let colliders = data.shapes.iter().zip(&poses).map(add).collect();
-        Toucher { link, colliders, poses }
-    };
-    let with_shapes = |(_, link): &(usize, &Link)| !link.shapes.is_empty();
-    robot
-        .links
-        .iter()
-        .enumerate()
-        .filter(with_shapes)
-        .map(toucher)
-        .collect()
-}
-
-/// Pose of the shape as rapier has it: its cylinders and capsules lie along y.
-fn shape_pose(shape: &Shape) -> Isometry3<f64> {
-    let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-    match shape.geometry {
-        Geometry::Cylinder(..) | Geometry::Capsule(..) => shape.pose * upright,
-        Geometry::Box(_) | Geometry::Sphere(_) => shape.pose,
-    }
-}
-
-fn ground_collider(ground: &Ground) -> ColliderBuilder {
-    match ground {
-        Ground::Plane => ColliderBuilder::halfspace(nalgebra::Unit::new_unchecked(Vector::Z)),
-        Ground::Slope(_) => {
-            let normal = convert::vector(&ground.at(0.0, 0.0).normal());
-            ColliderBuilder::halfspace(nalgebra::Unit::new_unchecked(normal))
-        }
-        Ground::Field(field) => {
-            // rapier's height field lies in its x and z with heights along y; turned about x its z axis is our -y.
-            let mut heights = Array2::repeat(CELLS + 1, CELLS + 1, 0.0);
-            for (at, &height) in field.heights.iter().enumerate() {
-                let (i, j) = (at / (CELLS + 1), at % (CELLS + 1));
-                heights[(CELLS - j, i)] = height;
-            }
-            let side = field.cell * CELLS as f64;
-            let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-            let pose = Isometry3::from_parts(Translation3::identity(), upright);
-            ColliderBuilder::heightfield_with_flags(
-                heights,
-                Vector::new(side, 1.0, side),
-                HeightFieldFlags::FIX_INTERNAL_EDGES,
-            )
-            .position(convert::pose(&pose))
-        }
-    }
-}
-
-fn collider(shape: &Shape) -> ColliderBuilder {
-    let builder = match shape.geometry {
-        Geometry::Box(half) => ColliderBuilder::cuboid(half.x, half.y, half.z),
-        Geometry::Sphere(radius) => ColliderBuilder::ball(radius),
-        Geometry::Cylinder(radius, half) => ColliderBuilder::cylinder(half, radius),
-        Geometry::Capsule(radius, half) => ColliderBuilder::capsule_y(half, radius),
-    };
-    builder.density(0.0).collision_groups(groups(ROBOT, GROUND))
-}
-
-fn groups(own: Group, others: Group) -> InteractionGroups {
-    InteractionGroups::new(own, others, InteractionTestMode::And)
 }
 
 #[cfg(test)]
