@@ -75,12 +75,12 @@ def throughput(found: dict[str, list[float]]) -> str:
 
 def efficiency(curves: dict[str, Curves]) -> str:
     """Table (b), and what it says of the target."""
-    lines = ["| | return at 1 M | return at 2 M | length at 2 M, s | error at 2 M, m/s | processor s per million steps |", "|---|---|---|---|---|---|"]
+    lines = ["| | return at 1 M | return at 2 M | length at 2 M, s | error at 2 M, m/s | least processor s per million steps |", "|---|---|---|---|---|---|"]
     for name, found in curves.items():
         if not len(found.values["return"]):
             continue
         figures = [found.at("return", 1_000_000, 0), found.at("return", 2_000_000, 0), found.at("length", 2_000_000, 1)]
-        figures += [found.at("error_xy_mps", 2_000_000, 3), f"{statistics.median(found.processor):.0f}"]
+        figures += [found.at("error_xy_mps", 2_000_000, 3), f"{min(found.processor):.0f}"]
         mark = " [1]" if name == "omniwalk" else ""
         lines.append(f"| {found.variant.title}{mark} | " + " | ".join(figures) + " |")
     pair = [curves[name].values["return"] for name in ("omniwalk-equal", "sb3-lanes-ours")]
