@@ -46,17 +46,18 @@ pub fn page(result: &Value) -> String {
 
 /// What `--set` changed.
 fn changes(result: &Value) -> String {
-    let set: Vec<&str> = result["set"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str)
-        .collect();
+    let set = strings(&result["set"]);
     if set.is_empty() {
         "none".into()
     } else {
         escaped(&set.join(", "))
     }
+}
+
+/// The strings of an array.
+fn strings(array: &Value) -> Vec<&str> {
+    let values = array.as_array().into_iter().flatten();
+    values.filter_map(Value::as_str).collect()
 }
 
 fn mark(pass: &Value) -> &'static str {
@@ -85,12 +86,7 @@ fn checks(gate: &Value, out: &mut String) {
 
 /// Effects that a gate has nothing to say of.
 fn left_out(gate: &Value, out: &mut String) {
-    let names: Vec<&str> = gate["left_out"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str)
-        .collect();
+    let names = strings(&gate["left_out"]);
     if !names.is_empty() {
         let _ = writeln!(
             out,
