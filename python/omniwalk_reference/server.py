@@ -69,14 +69,18 @@ class Server:
 
     def network(self, payload: bytes) -> bytes:
         """Targets of a policy over readings in sequence, from a reset at phase 0 on. Of the head: the length of the policy's
-        file, which follows; then a row of positions, velocities, attitude, gyro, desired velocity and, where it is `given`,
-        the base's velocity for each step."""
+        file, which follows; then for each step a row of positions, velocities, attitude, gyro, desired velocity, where it is `given`
+        the base's velocity, and the targets that were sent, which the next step goes by."""
         head, rest = _head(payload)
         walker = Walker(policy_file.read(rest[: head["policy"]]))
         walker.reset(0.0)
         n = len(walker.spec.names)
-        rows = np.frombuffer(rest[head["policy"] :], "<f8").reshape(-1, 2 * n + 8 + (3 if head["given"] else 0))
-        return np.array([walker.step(_readings(row, n)) for row in rows]).tobytes()
+        width = 2 * n + 8 + (3 if head["given"] else 0)
+        targets = []
+        for row in np.frombuffer(rest[head["policy"] :], "<f8").reshape(-1, width + n):
+            targets.append(walker.step(_readings(row[:width], n)))
+            walker.previous_target = row[width:]
+        return np.array(targets).tobytes()
 
     def observe(self, payload: bytes) -> bytes:
         """Observations of a policy along a trajectory of the first world, from MuJoCo's own kinematics. Of the head: the length

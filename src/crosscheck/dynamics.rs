@@ -53,12 +53,15 @@ pub fn checks(robot: &Robot, workshop: &Workshop) -> miette::Result<Vec<Check>> 
     let cases: Vec<Case> = (0..STATES).map(|k| case(robot, k)).collect();
     let mut checks = momentum::kinematics(robot, &cases, &mut reference)?;
     let mut lanes = |name: &str, level: Simd, dt: f64, bound: f64| -> miette::Result<()> {
-        let make =
-            |dt| -> miette::Result<Box<dyn Engine>> { Ok(Box::new(Lanes::new(robot, dt, 1, level).map_err(refused)?)) };
+        let make = |dt| Lanes::new(robot, dt, 1, level).map_err(refused);
         let mut engine = make(dt)?;
-        checks.extend(momentum::checks(name, robot, &cases, &mut reference, &make, bound)?);
+        checks.extend(if bound > DOUBLE {
+            momentum::velocities(name, robot, &cases, &mut reference, &mut engine, bound)?
+        } else {
+            momentum::moves(name, robot, &cases, &mut reference, &|dt| Ok(Box::new(make(dt)?)))?
+        });
         let found = residual(robot, &cases, &mut reference, &mut |case, share| {
-            Ok(acceleration(robot, &mut *engine, case, share, dt))
+            Ok(acceleration(robot, &mut engine, case, share, dt))
         })?;
         checks.extend(both(name, found, bound));
         Ok(())
@@ -79,7 +82,7 @@ pub fn checks(robot: &Robot, workshop: &Workshop) -> miette::Result<Vec<Check>> 
     let cases: Vec<Case> = (0..STATES).map(|k| case(&free, k)).collect();
     let make = |dt| -> miette::Result<Box<dyn Engine>> { Ok(Box::new(Rapier::new(&free, dt, 1).map_err(refused)?)) };
     let name = "rapier, couplings left out";
-    checks.extend(momentum::checks(name, &free, &cases, &mut reference, &make, DOUBLE)?);
+    checks.extend(momentum::moves(name, &free, &cases, &mut reference, &make)?);
     let found = residual(&free, &cases, &mut reference, &mut |case, share| {
         extrapolated(&mut |dt| Ok(acceleration(&free, &mut *make(dt)?, case, share, dt)))
     })?;

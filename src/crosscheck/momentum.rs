@@ -2,6 +2,7 @@
 //! go by, and by where an engine has its links and how it moves them.
 
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Vector3};
+use omniwalk_env::engine::lanes::Lanes;
 use omniwalk_env::engine::{Drive, Engine};
 use omniwalk_env::robot::{Kinematics, Link, Robot};
 
@@ -44,33 +45,74 @@ pub fn kinematics(robot: &Robot, cases: &[Case], reference: &mut Mujoco) -> miet
     Ok(named("kinematics", &worst, DOUBLE))
 }
 
-/// By the links of the engine that `make` makes: the centre of mass after a reset, and where `bound` asks for double precision the
-/// momentum of the links as they move from there. Single precision knows positions too coarsely for their differences; there the base's rows of
-/// the equation of motion stand for the momentum.
+/// By the links of the engine that `make` makes: where they are after a reset, and how they move from there.
 ///
 /// # Errors
 /// When the engine cannot be made or MuJoCo does not answer.
-pub fn checks(
+pub fn moves(
     name: &str,
     robot: &Robot,
     cases: &[Case],
     reference: &mut Mujoco,
     make: &Make<'_>,
+) -> miette::Result<Vec<Check>> {
+    let mut still = make(1e-3)?;
+    let found = worst(robot, cases, reference, &mut |case| {
+        let begin = poses(robot, &mut *still, case);
+        let twists = extrapolated(&mut |dt| Ok(twists(robot, &mut *make(dt)?, case, dt)))?;
+        Ok((begin, twists))
+    })?;
+    Ok(named(name, &found, DOUBLE))
+}
+
+/// By the velocities that `lanes` steps its links with: single precision knows positions too coarsely for their differences.
+///
+/// # Errors
+/// When MuJoCo does not answer.
+pub fn velocities(
+    name: &str,
+    robot: &Robot,
+    cases: &[Case],
+    reference: &mut Mujoco,
+    lanes: &mut Lanes,
     bound: f64,
 ) -> miette::Result<Vec<Check>> {
-    let mut worst = vec![0.0; if bound > DOUBLE { 1 } else { NAMES.len() }];
-    let mut still = make(1e-3)?;
+    let found = worst(robot, cases, reference, &mut |case| {
+        let begin = poses(robot, lanes, case);
+        let moves = robot.links.iter().zip(&begin).zip(lanes.link_velocities(0));
+        let twists = moves.flat_map(|((link, pose), [origin, turn])| {
+            let arm = pose.rotation * link.inertial.com;
+            let velocity = origin + turn.cross(&arm);
+            [velocity.x, velocity.y, velocity.z, turn.x, turn.y, turn.z]
+        });
+        let twists = twists.collect();
+        Ok((begin, twists))
+    })?;
+    Ok(named(name, &found, bound))
+}
+
+/// Poses of an engine's links, and velocity of each centre of mass and turning, six numbers a link.
+type Motion = (Vec<IsometryMatrix3<f64>>, Vec<f64>);
+
+/// Largest differences of centre of mass and momentum by what `motion` finds for each case.
+fn worst(
+    robot: &Robot,
+    cases: &[Case],
+    reference: &mut Mujoco,
+    motion: &mut dyn FnMut(&Case) -> miette::Result<Motion>,
+) -> miette::Result<Vec<f64>> {
+    let mut worst = vec![0.0; NAMES.len()];
     for case in cases {
-        let begin = poses(robot, &mut *still, case);
+        let (begin, twists) = motion(case)?;
         let middle = center_of_mass(robot, &begin);
-        let mut ours = vec![middle];
-        if worst.len() > 1 {
-            let twists = extrapolated(&mut |dt| Ok(twists(robot, &mut *make(dt)?, case, dt)))?;
-            ours.extend(momentum(robot, &begin, &middle, &twists));
-        }
-        compare(&mut worst, &ours, &equation(robot, case, reference, &[])?);
+        let [linear, angular] = momentum(robot, &begin, &middle, &twists);
+        compare(
+            &mut worst,
+            &[middle, linear, angular],
+            &equation(robot, case, reference, &[])?,
+        );
     }
-    Ok(named(name, &worst, bound))
+    Ok(worst)
 }
 
 fn compare(worst: &mut [f64], ours: &[Vector3<f64>], found: &[f64]) {

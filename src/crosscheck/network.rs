@@ -1,6 +1,8 @@
 //! The first gate: a second reader of the policy file, in double precision and written from the page on the format alone,
 //! against the controller. Targets over a thousand readings in sequence, with the filter, the clock and the estimator's
-//! memory in them.
+//! memory in them. Each reader keeps all of that itself, but for the targets sent last, which are the controller's for both: they go
+//! back into the network, and a policy that makes four of a difference of one there would be judged by what it makes of
+//! roundings (no walk corrects it: the readings do not follow the targets).
 
 use miette::miette;
 use omniwalk_controller::{Controller, Policy, Sensors};
@@ -40,7 +42,7 @@ pub fn checks(subject: &Subject, workshop: &Workshop) -> miette::Result<Vec<Chec
         .into_iter()
         .map(|(given, velocity)| {
             let ours = targets(subject.controller()?, &rows, given)?;
-            let theirs = second_reading(&subject.policy, &rows, given, workshop)?;
+            let theirs = second_reading(&subject.policy, &rows, &ours, given, workshop)?;
             if ours.len() != theirs.len() {
                 return Err(miette!("{} targets, and {} from Python", ours.len(), theirs.len()));
             }
@@ -125,15 +127,26 @@ fn targets(mut controller: Controller, rows: &[Row], given: bool) -> miette::Res
     Ok(all)
 }
 
-fn second_reading(policy: &Policy, rows: &[Row], given: bool, workshop: &Workshop) -> miette::Result<Vec<f64>> {
+fn second_reading(
+    policy: &Policy,
+    rows: &[Row],
+    sent: &[f32],
+    given: bool,
+    workshop: &Workshop,
+) -> miette::Result<Vec<f64>> {
     let file = policy.to_bytes();
     let head = json!({ "policy": file.len(), "given": given });
     let mut rest = file;
-    for row in rows {
+    for (row, sent) in rows.iter().zip(sent.chunks(policy.spec().action_len())) {
         let joints = row.position.iter().chain(&row.velocity);
         let others = row.attitude.iter().chain(&row.gyro).chain(&row.desired);
         let base = row.base_velocity.iter().filter(|_| given);
-        let row: Vec<f64> = joints.chain(others).chain(base).map(|&x| f64::from(x)).collect();
+        let row: Vec<f64> = joints
+            .chain(others)
+            .chain(base)
+            .chain(sent)
+            .map(|&x| f64::from(x))
+            .collect();
         rest.extend(bytes(&row));
     }
     let asked = workshop.with_process(|process| {

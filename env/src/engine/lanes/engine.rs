@@ -106,6 +106,18 @@ impl<L: Kernel> Batch<L> {
         }
     }
 
+    /// See [`super::Lanes::link_velocities`].
+    pub fn link_velocities(&mut self, world: usize) -> Vec<[Vector3<f64>; 2]> {
+        let (g, lane) = (world / L::WIDTH, world % L::WIDTH);
+        L::place(&self.model, &self.groups[g].state, &mut self.work);
+        let links = self.work.links.iter().map(|link| {
+            let position = get_vector(&link.position, lane);
+            let [linear, angular] = [&link.velocity.linear, &link.velocity.angular].map(|v| get_vector(v, lane));
+            [linear + angular.cross(&position), angular]
+        });
+        links.collect()
+    }
+
     /// Copies one world's joints to the exchanged arrays.
     fn store_world(&mut self, world: usize) {
         let (g, lane) = (world / L::WIDTH, world % L::WIDTH);

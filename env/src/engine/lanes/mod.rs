@@ -202,6 +202,12 @@ impl Lanes {
         on!(&mut self.batch, batch => batch.harden(hardness));
     }
 
+    /// Velocities of all links of `world` after the last step or reset, in the order of `Robot::links`, world frame: of the link frame's
+    /// origin, m/s, and turning, rad/s. They are the ones that the next step begins with.
+    pub fn link_velocities(&mut self, world: usize) -> Vec<[Vector3<f64>; 2]> {
+        on!(&mut self.batch, batch => batch.link_velocities(world))
+    }
+
     /// The lane type.
     pub fn level(&self) -> Simd {
         self.level

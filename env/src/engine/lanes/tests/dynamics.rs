@@ -254,3 +254,42 @@ fn free_flight_conserves_energy_and_momentum_to_first_order_in_the_step() {
         }
     }
 }
+
+#[test]
+fn velocities_of_links_are_rates_of_their_poses() {
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    for base in [Base::Floating, Base::Fixed] {
+        let robot = robots::random(5, base, 12);
+        let start = random_start(&robot, &mut rng);
+        let (world, links): (_, Vec<_>) = (world(&robot), (0..robot.links.len()).collect());
+        // Where the links are when the state has moved on for a time.
+        let poses = |time: f64| {
+            let mut moved = start.clone();
+            moved.position += time * start.linear_velocity;
+            moved.orientation = UnitQuaternion::from_scaled_axis(time * start.angular_velocity) * start.orientation;
+            for (joint, velocity) in moved.joints.iter_mut().zip(&start.joint_velocities) {
+                *joint += time * velocity;
+            }
+            let mut poses = vec![nalgebra::IsometryMatrix3::identity(); links.len()];
+            single(&robot, 1e-3, Simd::Scalar, &moved, &world).link_poses(&links, &mut poses);
+            poses
+        };
+        let h = 1e-5;
+        let (before, after) = (poses(-h), poses(h));
+        for level in levels() {
+            let found = single(&robot, 1e-3, level, &start, &world).link_velocities(0);
+            assert_eq!(found.len(), links.len());
+            for (link, [origin, turn]) in found.into_iter().enumerate() {
+                let moved = (after[link].translation.vector - before[link].translation.vector) / (2.0 * h);
+                // The sine of so small an angle instead of the angle, of which a cosine knows too little.
+                let turn_matrix = (after[link].rotation * before[link].rotation.inverse()).into_inner();
+                let skew = (turn_matrix - turn_matrix.transpose()) / (4.0 * h);
+                let turned = Vector3::new(skew.m32, skew.m13, skew.m21);
+                // Of some m/s and rad/s over twelve joints; the differences' own error goes with h^2.
+                let bound = 1e-6 + 100.0 * rounding(level);
+                assert!((origin - moved).norm() < bound, "{level:?} {link}: {origin} {moved}");
+                assert!((turn - turned).norm() < bound, "{level:?} {link}: {turn} {turned}");
+            }
+        }
+    }
+}
