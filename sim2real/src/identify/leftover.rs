@@ -20,11 +20,15 @@ const RIPPLES: usize = 3;
 const SHARE_LEFT: f64 = 0.0625;
 /// Beyond so many times the floor's square something is missing even where nothing predicts it.
 const FAR_ABOVE: f64 = 9.0;
+/// Autocorrelation over 0.1 s from which on what is so far above the floor is no noise, however much effects took.
+const COLOURED: f64 = 0.25;
 /// A physics step is too coarse to report with when half of it changes more than this share of the residual: values would
 /// be off by as much as noise lets them be known.
 pub const COARSE: f64 = 0.1;
 /// The same to choose with: the integrator then makes a tenth of the squared residual, and the floor knows.
 pub const TOO_COARSE: f64 = 0.3;
+/// Points of a measured table: what is smooth is known better with few, what repeats within the range needs many.
+const GRIDS: [usize; 2] = [torque::KNOTS, 4 * torque::KNOTS];
 /// Least fall of the loss by a measured table.
 const WORTH: f64 = 0.05;
 /// One over the root mean square residual of each degree of freedom under `model`.
@@ -154,11 +158,12 @@ impl Losses {
     }
 
     /// Whether more is left than noise and, `beside` effects, than a trifle of what there was to explain, and either something predicts
-    /// it or it is far more.
-    fn is_structure(&self, beside: bool, predicted: bool) -> bool {
+    /// it or it is far more; far more that is not white over time is no trifle.
+    fn is_structure(&self, beside: bool, predicted: bool, autocorrelation: f64) -> bool {
+        let far = self.last > FAR_ABOVE * self.floor;
         is_above(self.last, self.floor, self.negligible)
-            && (!beside || self.share_left() > SHARE_LEFT)
-            && (predicted || self.last > FAR_ABOVE * self.floor)
+            && (!beside || self.share_left() > SHARE_LEFT || far && autocorrelation > COLOURED)
+            && (predicted || far)
     }
 }
 
@@ -212,12 +217,13 @@ pub fn leftover(
     let model = &selection.last.model;
     let losses = Losses::by_dof(data, selection, floor);
     let fold = |block: usize| folds.of_block[block];
+    let autocorrelation = autocorrelations(data, model);
     let mut joints = Vec::new();
     for (dof, moments) in torque::lacking(data, model, scales)?.into_iter().enumerate() {
         let depends_on = torque::dependence(&moments, &fold, folds.count);
         joints.push(Left {
             dof,
-            structured: losses[dof].is_structure(!model.terms.is_empty(), !depends_on.is_empty()),
+            structured: losses[dof].is_structure(!model.terms.is_empty(), !depends_on.is_empty(), autocorrelation[dof]),
             losses: losses[dof],
             depends_on,
             names: torque::names(&data.trials[0], dof),
@@ -228,7 +234,7 @@ pub fn leftover(
     let mut with = model.clone();
     add_tables(data, folds, &mut with, &mut joints);
     Ok(Leftover {
-        autocorrelation: autocorrelations(data, model),
+        autocorrelation,
         joints,
         model: with,
     })
@@ -250,7 +256,7 @@ fn add_tables(data: &Data, folds: &Folds, model: &mut Model, joints: &mut [Left]
     }
 }
 
-/// A table of the `moments` of a joint over each of the variables `known`, with the losses of every block by one that was made without
+/// Tables of the `moments` of a joint over each of the variables `known`, coarse and fine, with the losses of every block by one that was made without
 /// its fold. None where some fold allows of no table.
 pub fn tables(
     data: &Data,
@@ -260,19 +266,24 @@ pub fn tables(
     known: &[Dependence],
 ) -> Vec<(Table, Vec<Loss>)> {
     let fold = |block: usize| folds.of_block[block];
+    let shapes: Vec<(&Dependence, usize)> = known.iter().flat_map(|d| GRIDS.map(|points| (d, points))).collect();
+    let shapes = &shapes;
     let without = |own: usize| {
-        known
-            .iter()
-            .map(move |leading| torque::table(moments, leading, &|b| fold(b) != own))
+        let table = move |&(leading, points): &(&Dependence, usize)| {
+            torque::table(moments, leading, points, &|b| fold(b) != own)
+        };
+        shapes.iter().map(table)
     };
     let left_out: Option<Vec<Table>> = (0..folds.count).flat_map(without).collect();
-    let whole = known.iter().map(|leading| torque::table(moments, leading, &|_| true));
+    let whole = shapes
+        .iter()
+        .map(|&(leading, points)| torque::table(moments, leading, points, &|_| true));
     let (Some(left_out), Some(whole)) = (left_out, whole.collect::<Option<Vec<_>>>()) else {
         return Vec::new();
     };
     let models: Vec<Model> = left_out.iter().map(|table| with_table(model, dof, table)).collect();
     let (dofs, losses) = (data.weights.len(), data.cells(&models));
-    let of = |k: usize, b: usize| &losses[fold(b) * known.len() + k][b * dofs..(b + 1) * dofs];
+    let of = |k: usize, b: usize| &losses[fold(b) * shapes.len() + k][b * dofs..(b + 1) * dofs];
     let cross = |k: usize| robust(data, (0..data.blocks).flat_map(|b| of(k, b).to_vec()).collect());
     whole
         .into_iter()

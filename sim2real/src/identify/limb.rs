@@ -52,7 +52,7 @@ pub fn find(
     if !untold.is_empty() {
         log(&format!("these logs cannot tell {untold}"));
     }
-    let (selection, floor) = Way {
+    let (mut selection, floor) = Way {
         robot,
         scales: &scales,
         folds: &folds,
@@ -64,6 +64,7 @@ pub fn find(
         limbs: search.limbs,
         ..Selector::new(robot, &data, &scales, &folds, &floor)
     };
+    selector.drop_doubtful(&mut selection);
     let all_at_once = search.compare.then(|| selector.all_at_once(&selection.refit.model));
     let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
     let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
@@ -165,7 +166,6 @@ impl Way<'_> {
             floor = floor.weighted(&data.weights);
         }
         data.typical = data.typical_under(tuned);
-        let data = &*data;
         (self.log)(&format!(
             "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",
             leftover::root(data, tuned),
@@ -178,6 +178,22 @@ impl Way<'_> {
             ..Selector::new(self.robot, data, self.scales, self.folds, &floor)
         };
         let selection = selector.run(tuned, terms, self.log);
-        Ok((selection, floor))
+        let Some(better) = self.better_tuned(data, &selection) else {
+            return Ok((selection, floor));
+        };
+        (self.log)("from there re-tuning alone does better than before: again, without effects");
+        self.steps(data, (&better, &[], rivals))
+    }
+
+    /// The re-tuned model without effects where the way over them has led it out of a lesser minimum: what was found beside that may
+    /// be none.
+    fn better_tuned(&self, data: &Data, selection: &Selection) -> Option<Model> {
+        let mut model = selection.last.model.clone();
+        if model.terms.is_empty() {
+            return None;
+        }
+        model.terms.clear();
+        let plain = data.fit(&model, self.scales, &|_| true);
+        (total(&plain.losses) < (1.0 - LESSER) * total(&selection.refit.losses)).then_some(plain.model)
     }
 }

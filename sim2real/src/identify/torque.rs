@@ -175,7 +175,7 @@ pub struct Dependence {
 }
 
 /// Points of a function's grid.
-const KNOTS: usize = 12;
+pub const KNOTS: usize = 12;
 /// Least share of the square that a variable must predict to be named.
 const LEAST: f64 = 0.05;
 /// What simulations know is named before what is only measured (a load, say, that is the motor's torque) where it predicts this
@@ -248,7 +248,7 @@ fn predict(
     fold: &dyn Fn(usize) -> usize,
     folds: usize,
 ) -> Vec<f64> {
-    let knots = knots(moments, variable);
+    let knots = knots(moments, variable, KNOTS);
     if knots.len() < 2 {
         return vec![0.0; left.len()];
     }
@@ -279,11 +279,11 @@ fn slow(moments: &[Moment]) -> f64 {
 }
 
 /// Grid of a variable: quantiles of its values.
-fn knots(moments: &[Moment], variable: usize) -> Vec<f64> {
+fn knots(moments: &[Moment], variable: usize, points: usize) -> Vec<f64> {
     let mut values: Vec<f64> = moments.iter().map(|m| m.values[variable]).collect();
     values.sort_by(f64::total_cmp);
     let last = values.len() - 1;
-    let mut knots: Vec<f64> = (0..KNOTS).map(|k| values[k * last / (KNOTS - 1)]).collect();
+    let mut knots: Vec<f64> = (0..points).map(|k| values[k * last / (points - 1)]).collect();
     let apart = 1e-6 * (values[last] - values[0]).abs() + 1e-12;
     knots.dedup_by(|a, b| (*a - *b).abs() <= apart);
     knots
@@ -328,9 +328,9 @@ fn least_squares(knots: usize, data: impl Iterator<Item = ((usize, f64, f64), f6
     right
 }
 
-/// A table of the torque of the moments that are `used` over the leading variable, if simulations know it; over velocity
+/// A table with so many `points` of the torque of the moments that are `used` over the leading variable, if simulations know it; over velocity
 /// too where it is friction.
-pub fn table(moments: &[Moment], leading: &Dependence, used: &dyn Fn(usize) -> bool) -> Option<Table> {
+pub fn table(moments: &[Moment], leading: &Dependence, points: usize, used: &dyn Fn(usize) -> bool) -> Option<Table> {
     let variable = *[
         Variable::Position,
         Variable::Velocity,
@@ -338,7 +338,7 @@ pub fn table(moments: &[Moment], leading: &Dependence, used: &dyn Fn(usize) -> b
         Variable::Torque,
     ]
     .get(leading.variable)?;
-    let (grid, slow) = (knots(moments, leading.variable), slow(moments));
+    let (grid, slow) = (knots(moments, leading.variable, points), slow(moments));
     if grid.len() < 2 {
         return None;
     }

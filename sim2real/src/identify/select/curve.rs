@@ -62,6 +62,7 @@ impl Selector<'_> {
             return 0.0;
         };
         let tables = leftover::tables(self.data, self.folds, model, (dof, &moments[dof]), &[position]);
-        tables.first().map_or(0.0, |(_, cross)| before - total(cross))
+        let takes = tables.iter().map(|(_, cross)| before - total(cross));
+        takes.reduce(f64::max).unwrap_or(0.0)
     }
 }

@@ -6,6 +6,7 @@
 //! predicts as well cannot be told apart with these logs.
 
 mod curve;
+mod doubtful;
 mod settle;
 mod step;
 mod worth;

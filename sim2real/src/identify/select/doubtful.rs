@@ -1,0 +1,102 @@
+//! Effects whose size the logs leave open down to none: they predict better, and still are no finding.
+
+use super::super::interval;
+use super::super::model::{Model, Term};
+use super::{Rejected, Selection, Selector};
+use crate::identify::cross::Gain;
+
+impl Selector<'_> {
+    /// Takes out, one by one, the effects of which every size has an interval that holds none, the least certain first: what is wrong with a
+    /// model beyond noise can be all there is to them. Sets of which they are one go with them.
+    pub fn drop_doubtful(&self, selection: &mut Selection) {
+        while let Some(i) = self.least_certain(selection) {
+            let mut model = selection.last.model.clone();
+            let term = model.terms.remove(i);
+            selection.last = self.fit(&model).fit;
+            selection.p_values.remove(i);
+            selection.alike.retain(|alike| alike.chosen != (term.kind, term.target));
+            selection.rejected.push(Rejected {
+                kind: term.kind,
+                target: term.target,
+                gain: Gain::NONE,
+                most: 0.0,
+                at_best: None,
+                reason: "its 95 % interval holds no effect at all".to_owned(),
+            });
+        }
+    }
+
+    fn least_certain(&self, selection: &Selection) -> Option<usize> {
+        let fit = &selection.last;
+        let halves = interval::intervals(self.data, fit, self.folds, self.scales);
+        let halves = interval::widened(&halves, fit, self.floor);
+        let doubts = fit.model.terms.iter().enumerate().filter_map(|(i, term)| {
+            let doubt = doubt(term, halves_of(&fit.model, i, &halves))?;
+            (doubt > 1.0).then_some((i, doubt))
+        });
+        doubts.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+    }
+}
+
+/// Of the half widths of all of a model's numbers those of term `i`.
+fn halves_of<'a>(model: &Model, i: usize, halves: &'a [f64]) -> &'a [f64] {
+    let before: usize = model.terms[..i].iter().map(|term| term.free.len()).sum();
+    &halves[model.tuned.len() + before..][..model.terms[i].free.len()]
+}
+
+/// The half width of a size over its distance from that of no effect, the smallest of the term's sizes; none where a size has no interval.
+fn doubt(term: &Term, halves: &[f64]) -> Option<f64> {
+    let sizes = term.free.iter().zip(halves).filter_map(|(&number, &half)| {
+        let neutral = term.kind.info().parameters[number].neutral?;
+        Some(half / (term.values[number] - neutral).abs().max(f64::MIN_POSITIVE))
+    });
+    sizes.reduce(f64::min).filter(|doubt| doubt.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use omniwalk_env::effect::Kind;
+
+    use super::*;
+
+    /// The doubt of an effect with `value` as every number, of which those called `sizes` have half widths.
+    fn doubt_of(kind: Kind, value: f64, sizes: &[(&str, f64)]) -> Option<f64> {
+        let parameters = kind.info().parameters;
+        let place = |name: &str| parameters.iter().position(|p| p.name == name).expect("a parameter");
+        let term = Term {
+            kind,
+            target: 0,
+            values: vec![value; parameters.len()],
+            free: sizes.iter().map(|(name, _)| place(name)).collect(),
+            table: None,
+            held: false,
+        };
+        let halves: Vec<f64> = sizes.iter().map(|(_, half)| *half).collect();
+        doubt(&term, &halves)
+    }
+
+    #[test]
+    fn a_size_is_doubted_by_how_far_its_interval_reaches_towards_no_effect() {
+        assert_eq!(doubt_of(Kind::Backlash, 0.002, &[("gap", 0.008)]), Some(4.0));
+        let scale = doubt_of(Kind::SensorScale, 1.25, &[("scale", 0.125)]);
+        assert_eq!(scale, Some(0.5), "a scale of one is none");
+        let ripple = |cosine, sine| {
+            doubt_of(
+                Kind::PositionRipple,
+                0.5,
+                &[("cosine", cosine), ("sine", sine), ("frequency", 1e3)],
+            )
+        };
+        assert_eq!(
+            ripple(2.0, 0.25),
+            Some(0.5),
+            "one size that is certain is enough, and a frequency is no size"
+        );
+        assert_eq!(ripple(f64::INFINITY, 2.0), Some(4.0));
+        assert_eq!(
+            doubt_of(Kind::Backlash, 0.002, &[("gap", f64::INFINITY)]),
+            None,
+            "what has no interval"
+        );
+    }
+}
