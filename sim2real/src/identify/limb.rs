@@ -181,8 +181,8 @@ impl Way<'_> {
         let Some(better) = self.better_tuned(data, &selection) else {
             return Ok((selection, floor));
         };
-        (self.log)("from there re-tuning alone does better than before: again, without effects");
-        self.steps(data, (&better, &[], rivals))
+        (self.log)("from there re-tuning alone does better than before: again");
+        self.steps(data, (&better, &selection.last.model.terms, rivals))
     }
 
     /// The re-tuned model without effects where the way over them has led it out of a lesser minimum: what was found beside that may
