@@ -306,8 +306,7 @@ impl Actuators {
         for effects in &mut self.effects {
             let k = effects.k;
             let state = (joints.position[k], joints.velocity[k], joints.torque[k]);
-            effects.model.finish(&mut effects.memory, state);
-            effects.reading = effects.model.delayed_reading(&effects.memory);
+            effects.reading = effects.model.finish(&mut effects.memory, state);
         }
     }
 }

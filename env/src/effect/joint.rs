@@ -26,8 +26,8 @@ pub(crate) struct Model {
 /// What the effects of a joint remember from step to step.
 #[derive(Clone, Debug)]
 pub(crate) struct Memory {
-    targets: Ring,
-    readings: Ring,
+    targets: Delay,
+    readings: Delay,
     /// The rate limiter's target.
     followed: f64,
     /// Velocity at the last step.
@@ -145,8 +145,8 @@ impl Model {
     pub fn memory(&self, (position, velocity): (f64, f64), input: f64, ahead: f64) -> Memory {
         let followed = self.command.rounded(input);
         Memory {
-            targets: Ring::new(self.command.delay, followed),
-            readings: Ring::new(self.sensor.delay, self.sensor.read(position)),
+            targets: Delay::new(self.command.delay, followed),
+            readings: Delay::new(self.sensor.delay, self.sensor.read(position)),
             followed,
             velocity,
             bent: 1.0_f64.copysign(velocity),
@@ -160,16 +160,16 @@ impl Model {
     /// the first step, `known` steps back at most.
     pub fn recall(&self, memory: &mut Memory, known: usize, past: impl Fn(usize) -> (f64, f64)) {
         // The next command is pushed before it is looked at, the reading of the start was pushed already.
-        for (i, target) in memory.targets.0.iter_mut().enumerate() {
+        for (i, target) in memory.targets.by_age().enumerate() {
             *target = self.command.rounded(past((i + 1).min(known)).0);
         }
-        for (age, reading) in memory.readings.0.iter_mut().enumerate().skip(1) {
+        for (age, reading) in memory.readings.by_age().enumerate().skip(1) {
             *reading = self.sensor.read(past(age.min(known)).1);
         }
         memory.followed = if self.command.rate.is_finite() {
             self.followed(known, past)
         } else {
-            memory.targets.delayed(self.command.delay)
+            memory.targets.arrived()
         };
     }
 
@@ -201,9 +201,7 @@ impl Model {
         }
         let input = if told.effort { told.torque } else { told.target };
         memory.targets.push(self.command.rounded(input));
-        let followed = self
-            .command
-            .follow(memory.targets.delayed(self.command.delay), &mut memory.followed);
+        let followed = self.command.follow(memory.targets.arrived(), &mut memory.followed);
         let (asked, effort) = if told.effort {
             (told.target, followed)
         } else {
@@ -217,7 +215,11 @@ impl Model {
         let target = self.command.beyond_dead_band(asked, at_motor);
         let (low, high) = (self.supply * *drive.torque_min, self.supply * *drive.torque_max);
         let stiffness = told.stiffness * self.sensor.scale * self.supply;
-        let transmitted = memory.motor - self.armature * (velocity - memory.velocity) / self.dt;
+        let transmitted = if self.friction.depends_on_load() {
+            memory.motor - self.armature * (velocity - memory.velocity) / self.dt
+        } else {
+            0.0
+        };
         let built = self.friction.built(&mut memory.bent, velocity * self.dt);
         let (bound, one_sided) = self.friction.sides(built * self.friction.bound(velocity, transmitted));
         *drive.friction = bound;
@@ -254,13 +256,14 @@ impl Model {
         memory.shift = extra;
     }
 
-    /// Ends a physics step of a joint that is now at `position` with `velocity` and got `torque` from the engine's drive.
-    pub fn finish(&self, memory: &mut Memory, (position, velocity, torque): (f64, f64, f64)) {
+    /// Ends a physics step of a joint that is now at `position` with `velocity` and got `torque` from the engine's drive: what its encoder
+    /// says.
+    pub fn finish(&self, memory: &mut Memory, (position, velocity, torque): (f64, f64, f64)) -> f64 {
         if self.transmission.is_split() {
             let own = torque - memory.shift;
             memory.motor = self.transmission.end(&mut memory.rotor, own, velocity, self.dt);
         }
-        self.read(memory, position);
+        self.read(memory, position)
     }
 
     /// Reads the encoder of the joint at `position`.
@@ -273,7 +276,7 @@ impl Model {
 
     /// The last reading that arrived.
     pub fn delayed_reading(&self, memory: &Memory) -> f64 {
-        memory.readings.delayed(self.sensor.delay)
+        memory.readings.arrived()
     }
 
     /// Speed without load over the nominal one.
@@ -319,31 +322,61 @@ impl Memory {
             shift,
         ]
         .into_iter()
-        .chain(targets.0.iter_mut())
-        .chain(readings.0.iter_mut())
+        .chain(targets.by_age())
+        .chain(readings.by_age())
     }
 }
 
-/// The last values, the newest first.
+/// What is late, and by how much.
 #[derive(Clone, Debug)]
-struct Ring(Vec<f64>);
+struct Delay {
+    values: Vec<f64>,
+    newest: usize,
+    /// Steps, and the share of another.
+    whole: usize,
+    share: f64,
+}
 
-impl Ring {
-    fn new(delay: f64, value: f64) -> Self {
-        Self(vec![value; delay.ceil() as usize + 2])
+impl Delay {
+    /// By `steps`, at a value that has been there for long.
+    fn new(steps: f64, value: f64) -> Self {
+        let whole = steps as usize;
+        Self {
+            values: vec![value; steps.ceil() as usize + 2],
+            newest: 0,
+            whole,
+            share: steps - whole as f64,
+        }
     }
 
-    /// Delays are tens of steps at most: moving them all is as cheap as an index that wraps.
+    /// Takes the next value.
     fn push(&mut self, value: f64) {
-        let last = self.0.len() - 1;
-        self.0.copy_within(..last, 1);
-        self.0[0] = value;
+        // Most delays are none.
+        if self.values.len() > 2 {
+            self.newest = self.newest.checked_sub(1).unwrap_or(self.values.len() - 1);
+        }
+        self.values[self.newest] = value;
     }
 
-    /// The value `delay` steps ago, linear between steps.
-    fn delayed(&self, delay: f64) -> f64 {
-        let whole = delay as usize;
-        let (younger, older) = (self.0[whole], self.0[whole + 1]);
-        younger + (delay - whole as f64) * (older - younger)
+    /// The value that has arrived, linear between steps.
+    fn arrived(&self) -> f64 {
+        if self.values.len() == 2 {
+            return self.values[self.newest];
+        }
+        let (younger, older) = (self.aged(self.whole), self.aged(self.whole + 1));
+        younger + self.share * (older - younger)
+    }
+
+    fn aged(&self, age: usize) -> f64 {
+        let place = self.newest + age;
+        let length = self.values.len();
+        self.values[if place < length { place } else { place - length }]
+    }
+
+    /// The newest first.
+    fn by_age(&mut self) -> std::slice::IterMut<'_, f64> {
+        self.values.rotate_left(self.newest);
+        self.newest = 0;
+        self.values.iter_mut()
     }
 }

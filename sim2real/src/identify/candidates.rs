@@ -3,7 +3,8 @@
 use omniwalk_env::effect::{Kind, Scale, Site};
 use omniwalk_env::robot::{Actuator, Robot};
 
-use super::fit::{Data, Fit, newton, sum, total};
+use super::descent::{Descent, newton, sum};
+use super::fit::{Data, Fit, total};
 use super::model::{Model, Term, joint_of};
 use super::scales::Scales;
 
@@ -199,37 +200,66 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
 
 /// Multiples of a single number's starts (of their distance from what does nothing) that are tried.
 const LADDER: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+/// Iterations after which ways that are hopeless are seen.
+const FIRST: usize = 4;
+/// Share of the loss below which an iteration takes too little to go on: a tenth of what makes an effect worth having.
+const NEAR: f64 = 2e-3;
+/// A way with so many times the least loss of all candidates' is hopeless, if it is slow.
+const HOPELESS: f64 = 3.0;
+/// Share of the loss that the last iteration of a slow way took.
+const SLOW: f64 = 0.05;
 /// Starts that are followed for a step before the best is fitted.
 const FOLLOWED: usize = 3;
 
-/// Fits `model` with the candidate beside it, with the re-tuned values and with the nominal ones beside its starts: those bent to make up
-/// for what is missing, and from there the way to it is often uphill. What is on other joints is held: it is fitted again
-/// when the candidate is taken. Where the physics step is fine, fits get near with a rough one.
-pub fn fit(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Fit {
-    let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
-    let with = |term: &Term, straight: bool| {
-        let mut model = model.clone();
-        model.put(term.clone());
-        model.hold_others(robot, joint);
-        if straight {
-            model.straighten(joint);
+/// The way to a candidate's fit.
+pub struct Attempt {
+    /// From the re-tuned values, and from the nominal ones: those bent to make up for what is missing, and from there the way is often
+    /// uphill.
+    ways: Vec<Descent>,
+}
+
+impl Attempt {
+    /// Begins to fit `model` with the candidate beside it. What is on other joints is held: it is fitted again when the candidate is
+    /// taken.
+    pub fn begin(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Self {
+        let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
+        let with = |term: &Term, straight: bool| {
+            let mut model = model.clone();
+            model.put(term.clone());
+            model.hold_others(robot, joint);
+            if straight {
+                model.straighten(joint);
+            }
+            model
+        };
+        let way = |straight: bool| {
+            let starts = candidate.starts.iter().map(|term| with(term, straight)).collect();
+            let mut way = Descent::new(data, &promising(data, starts, scales), scales);
+            way.advance((data, scales), &|_| true, FIRST, NEAR);
+            way
+        };
+        Self {
+            ways: [false, true].map(way).into(),
         }
-        model
-    };
-    let rough = data.rough();
-    let [bent, straight] = [false, true].map(|straight| {
-        let starts = candidate.starts.iter().map(|term| with(term, straight)).collect();
-        rough.fit(&promising(&rough, starts, scales), scales, &|_| true)
-    });
-    let best = if total(&straight.losses) < total(&bent.losses) {
-        straight
-    } else {
-        bent
-    };
-    if data.finer == rough.finer {
-        best
-    } else {
-        data.fit(&best.model, scales, &|_| true)
+    }
+
+    /// The least loss so far.
+    pub fn loss(&self) -> f64 {
+        self.ways.iter().map(Descent::loss).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Goes on to the end, but with ways that are [`HOPELESS`] times above `best` and fall slowly.
+    pub fn go_on(&mut self, data: &Data, scales: &Scales, best: f64) {
+        let hopeful = |way: &&mut Descent| way.fell > SLOW || way.loss() <= HOPELESS * best;
+        for way in self.ways.iter_mut().filter(hopeful) {
+            way.advance((data, scales), &|_| true, usize::MAX, NEAR);
+        }
+    }
+
+    /// The better fit.
+    pub fn fit(self) -> Option<Fit> {
+        let better = self.ways.into_iter().min_by(|a, b| a.loss().total_cmp(&b.loss()));
+        better.map(|way| way.fit)
     }
 }
 

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use omniwalk_env::random::Stream;
 
-use super::fit::{Data, Fit, Loss, newton, sum, total};
+use super::descent::{newton, sum};
+use super::fit::{Data, Fit, Loss, total};
 use super::scales::Scales;
 
 /// Most folds.

@@ -1,4 +1,4 @@
-//! Least squares over whole rollouts: Levenberg-Marquardt with finite differences, every candidate a SIMD lane.
+//! Residuals of whole rollouts, their losses and slopes by finite differences, every candidate a SIMD lane.
 //!
 //! Loss, gradient and curvature are kept by block of time, so that folds of a cross-validation and errors that respect
 //! autocorrelation come from the same rollouts. Sums have a fixed order: threads change no bit.
@@ -10,17 +10,13 @@ use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::Robot;
 use rayon::prelude::*;
 
-use super::model::Model;
+use super::model::{Free, Model};
 use super::scales::Scales;
 use super::starts;
 use super::trial::Trial;
 
 /// Candidates in one rollout: a group of the widest lanes.
 pub const LANES: usize = 16;
-/// Most iterations of a fit.
-const ITERATIONS: usize = 10;
-/// Relative fall of the loss below which a fit has converged.
-const CONVERGED: f64 = 5e-4;
 
 /// The data of a fit: trials with the robot as it was in each, and the weights of their readings.
 #[derive(Clone, Debug)]
@@ -39,6 +35,35 @@ pub struct Data {
     pub blocks: usize,
     /// Physics steps a millisecond.
     pub finer: usize,
+}
+
+/// Of every trial, of every [`LANES`] models: entry `reading * models + m`.
+pub type Predictions = Vec<Vec<Vec<f64>>>;
+
+/// What model `m` predicts for reading `i` of a trial with so many readings and these parts of [`Predictions`].
+fn at(parts: &[Vec<f64>], readings: usize, i: usize, m: usize) -> f64 {
+    let part = &parts[m / LANES];
+    part[i * (part.len() / readings) + m % LANES]
+}
+
+/// `model` with each of its fitted numbers moved by a step of finite differences, and those steps, scaled.
+fn beside(model: &Model, scales: &Scales) -> (Vec<Model>, Vec<f64>) {
+    let (x, free) = (model.get(scales), model.free(scales));
+    // Towards the inside where the upper bound is near.
+    let step = |(x, free): (&f64, &Free)| {
+        if x + free.step > free.upper {
+            -free.step
+        } else {
+            free.step
+        }
+    };
+    let steps: Vec<f64> = x.iter().zip(&free).map(step).collect();
+    let moved = |(i, step): (usize, &f64)| {
+        let mut moved = x.clone();
+        moved[i] += step;
+        model.at(&moved, scales)
+    };
+    (steps.iter().enumerate().map(moved).collect(), steps)
 }
 
 /// Sums over the readings of a block.
@@ -135,8 +160,8 @@ impl Data {
         self.trials.iter().any(|trial| trial.base.is_some())
     }
 
-    /// Predictions of all `models` for every trial: per trial, entry `reading * models + m`.
-    fn predict(&self, models: &[Model]) -> Vec<Vec<Vec<f64>>> {
+    /// Predictions of all `models` for every trial.
+    pub fn predict(&self, models: &[Model]) -> Predictions {
         let tasks: Vec<(usize, &[Model])> = (0..self.trials.len())
             .flat_map(|t| models.chunks(LANES).map(move |chunk| (t, chunk)))
             .collect();
@@ -144,7 +169,7 @@ impl Data {
             .par_iter()
             .map(|&(t, chunk)| self.predict_trial(t, chunk))
             .collect();
-        let mut out: Vec<Vec<Vec<f64>>> = vec![Vec::new(); self.trials.len()];
+        let mut out: Predictions = vec![Vec::new(); self.trials.len()];
         for ((t, _), part) in tasks.iter().zip(parts) {
             out[*t].push(part);
         }
@@ -188,21 +213,29 @@ impl Data {
 
     /// Losses by block of every model.
     pub fn losses(&self, models: &[Model]) -> Vec<Vec<Loss>> {
+        self.block_losses(&self.predict(models), models.len())
+    }
+
+    /// Losses by block of `count` models with these predictions.
+    pub fn block_losses(&self, predictions: &Predictions, count: usize) -> Vec<Vec<Loss>> {
         let of_block = |cells: &[Loss]| Loss {
             squares: cells.iter().map(|loss| loss.squares).sum(),
             count: cells.iter().map(|loss| loss.count).sum(),
         };
-        let cells = self.cells(models).into_iter();
+        let cells = self.cells_of(predictions, count).into_iter();
         let dofs = self.weights.len().max(1);
         cells.map(|cells| cells.chunks(dofs).map(of_block).collect()).collect()
     }
 
     /// Losses of every model by block and degree of freedom: those of a block stand together.
     pub fn cells(&self, models: &[Model]) -> Vec<Vec<Loss>> {
-        let predictions = self.predict(models);
+        self.cells_of(&self.predict(models), models.len())
+    }
+
+    fn cells_of(&self, predictions: &Predictions, count: usize) -> Vec<Vec<Loss>> {
         let dofs = self.weights.len();
-        let mut losses = vec![vec![Loss::default(); self.blocks * dofs]; models.len()];
-        for ((trial, parts), &first) in self.trials.iter().zip(&predictions).zip(&self.first_block) {
+        let mut losses = vec![vec![Loss::default(); self.blocks * dofs]; count];
+        for ((trial, parts), &first) in self.trials.iter().zip(predictions).zip(&self.first_block) {
             for (chunk, part) in parts.iter().enumerate() {
                 let width = part.len() / trial.readings.len().max(1);
                 for (i, reading) in trial.readings.iter().enumerate() {
@@ -245,23 +278,32 @@ impl Data {
 
     /// Losses and slopes of `model` by block.
     pub fn slopes(&self, model: &Model, scales: &Scales) -> (Vec<Loss>, Vec<Slope>) {
-        let (x, free) = (model.get(scales), model.free(scales));
-        let n = x.len();
-        let mut models = vec![model.clone()];
-        let mut steps = Vec::with_capacity(n);
-        for (i, free) in free.iter().enumerate() {
-            let mut moved = x.clone();
-            // Towards the inside where the upper bound is near.
-            let step = if x[i] + free.step > free.upper {
-                -free.step
-            } else {
-                free.step
-            };
-            moved[i] += step;
-            steps.push(step);
-            models.push(model.at(&moved, scales));
-        }
+        let (moved, steps) = beside(model, scales);
+        let models: Vec<Model> = [model.clone()].into_iter().chain(moved).collect();
         let predictions = self.predict(&models);
+        self.differences((&predictions, 0), (&predictions, 1), &steps)
+    }
+
+    /// The same where `model` is number `m` of those with predictions `known`.
+    pub fn slopes_at(
+        &self,
+        (known, m): (&Predictions, usize),
+        model: &Model,
+        scales: &Scales,
+    ) -> (Vec<Loss>, Vec<Slope>) {
+        let (moved, steps) = beside(model, scales);
+        self.differences((known, m), (&self.predict(&moved), 0), &steps)
+    }
+
+    /// Losses and slopes of the model number `m` of `known` from the models of `moved`, from number `first` on, whose numbers are moved by
+    /// `steps`.
+    fn differences(
+        &self,
+        (known, m): (&Predictions, usize),
+        (moved, first): (&Predictions, usize),
+        steps: &[f64],
+    ) -> (Vec<Loss>, Vec<Slope>) {
+        let n = steps.len();
         let mut losses = vec![Loss::default(); self.blocks];
         let zero = Slope {
             gradient: DVector::zeros(n),
@@ -269,28 +311,24 @@ impl Data {
         };
         let mut slopes = vec![zero; self.blocks];
         let mut row = DVector::zeros(n);
-        for ((trial, parts), &first) in self.trials.iter().zip(&predictions).zip(&self.first_block) {
+        for (t, (trial, &first_block)) in self.trials.iter().zip(&self.first_block).enumerate() {
             let readings = trial.readings.len();
-            let at = |i: usize, m: usize| {
-                let part = &parts[m / LANES];
-                part[i * (part.len() / readings) + m % LANES]
-            };
             for (i, reading) in trial.readings.iter().enumerate() {
+                let base = at(&known[t], readings, i, m);
                 let weight = self.weights[reading.dof];
-                let base = at(i, 0);
                 let residual = weight * (base - reading.position);
                 for (j, step) in steps.iter().enumerate() {
-                    let change = at(i, j + 1) - base;
+                    let change = at(&moved[t], readings, i, first + j) - base;
                     row[j] = if change.is_finite() {
                         weight * change / step
                     } else {
                         0.0
                     };
                 }
-                let loss = &mut losses[first + reading.block];
+                let loss = &mut losses[first_block + reading.block];
                 loss.squares += residual * residual;
                 loss.count += 1.0;
-                let slope = &mut slopes[first + reading.block];
+                let slope = &mut slopes[first_block + reading.block];
                 slope.gradient.axpy(residual, &row, 1.0);
                 slope.curvature.ger(1.0, &row, &row, 1.0);
             }
@@ -312,115 +350,6 @@ impl Data {
                 }
             });
         let (_, slopes) = at.slopes(model, scales);
-        sum(&slopes, &|_| true, model.get(scales).len()).0
+        super::descent::sum(&slopes, &|_| true, model.get(scales).len()).0
     }
-
-    /// Fits `model` from its present values over the blocks that `used` names.
-    pub fn fit(&self, model: &Model, scales: &Scales, used: &dyn Fn(usize) -> bool) -> Fit {
-        let mut model = model.clone();
-        let loss_of = |losses: &[Loss]| {
-            let kept: Vec<Loss> = (0..losses.len()).filter(|&b| used(b)).map(|b| losses[b]).collect();
-            total(&kept)
-        };
-        let (mut losses, mut slopes) = self.slopes(&model, scales);
-        let mut damping = 1e-3;
-        for _ in 0..ITERATIONS {
-            let x = model.get(scales);
-            if x.is_empty() {
-                break;
-            }
-            let free = model.free(scales);
-            let (gradient, curvature) = sum(&slopes, used, x.len());
-            let before = loss_of(&losses);
-            // Several strengths of damping side by side cost no more than one.
-            let strengths: Vec<f64> = (0..8).map(|k| damping * 10.0_f64.powi(k - 3)).collect();
-            let trials: Vec<Model> = strengths
-                .iter()
-                .map(|&damping| model.at(&newton(&x, &free, &gradient, &curvature, damping), scales))
-                .collect();
-            let tried = self.losses(&trials);
-            let best = (0..trials.len())
-                .map(|k| (loss_of(&tried[k]), k))
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-                .unwrap_or((f64::INFINITY, 0));
-            if best.0 >= before {
-                damping *= 1e4;
-                if damping > 1e8 {
-                    break;
-                }
-                continue;
-            }
-            model = trials[best.1].clone();
-            damping = strengths[best.1].clamp(1e-9, 1e6);
-            (losses, slopes) = self.slopes(&model, scales);
-            if before - best.0 < CONVERGED * before {
-                break;
-            }
-        }
-        Fit { model, losses, slopes }
-    }
-}
-
-/// Gradient and curvature over the blocks that `used` names.
-pub fn sum(slopes: &[Slope], used: &dyn Fn(usize) -> bool, n: usize) -> (DVector<f64>, DMatrix<f64>) {
-    let mut gradient = DVector::zeros(n);
-    let mut curvature = DMatrix::zeros(n, n);
-    for (_, slope) in slopes.iter().enumerate().filter(|(b, _)| used(*b)) {
-        gradient += &slope.gradient;
-        curvature += &slope.curvature;
-    }
-    (gradient, curvature)
-}
-
-/// The damped Newton step from `x` within the bounds: numbers that would leave them stay on them and the others are
-/// solved again.
-pub fn newton(
-    x: &[f64],
-    free: &[super::model::Free],
-    gradient: &DVector<f64>,
-    curvature: &DMatrix<f64>,
-    damping: f64,
-) -> Vec<f64> {
-    let n = x.len();
-    let mut held = vec![None; n];
-    for _ in 0..=n {
-        let moving: Vec<usize> = (0..n).filter(|&i| held[i].is_none()).collect();
-        if moving.is_empty() {
-            break;
-        }
-        let fixed: Vec<f64> = (0..n).map(|i| held[i].map_or(0.0, |to: f64| to - x[i])).collect();
-        let m = moving.len();
-        let largest = (0..n).map(|i| curvature[(i, i)]).fold(0.0, f64::max);
-        let matrix = DMatrix::from_fn(m, m, |a, b| {
-            let (i, j) = (moving[a], moving[b]);
-            let extra = if i == j {
-                damping * curvature[(i, i)] + 1e-12 * largest + 1e-300
-            } else {
-                0.0
-            };
-            curvature[(i, j)] + extra
-        });
-        let right = DVector::from_fn(m, |a, _| {
-            let i = moving[a];
-            -gradient[i] - (0..n).map(|j| curvature[(i, j)] * fixed[j]).sum::<f64>()
-        });
-        let Some(factor) = matrix.cholesky() else {
-            return x.to_vec();
-        };
-        let step = factor.solve(&right);
-        let mut left = false;
-        for (a, &i) in moving.iter().enumerate() {
-            let to = x[i] + step[a];
-            if to < free[i].lower || to > free[i].upper {
-                held[i] = Some(to.clamp(free[i].lower, free[i].upper));
-                left = true;
-            }
-        }
-        if !left {
-            let mut out: Vec<f64> = (0..n).map(|i| held[i].unwrap_or(x[i])).collect();
-            moving.iter().enumerate().for_each(|(a, &i)| out[i] += step[a]);
-            return out;
-        }
-    }
-    (0..n).map(|i| held[i].unwrap_or(x[i])).collect()
 }

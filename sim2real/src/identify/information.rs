@@ -7,7 +7,8 @@ use nalgebra::DMatrix;
 use omniwalk_env::robot::{JointKind, Robot};
 use serde::Serialize;
 
-use super::fit::{Data, sum};
+use super::descent::sum;
+use super::fit::Data;
 use super::interval::told;
 use super::model::Model;
 use super::noise;

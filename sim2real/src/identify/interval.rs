@@ -5,7 +5,8 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::cross::{Folds, student_tail};
-use super::fit::{Data, Fit, sum, total};
+use super::descent::sum;
+use super::fit::{Data, Fit, total};
 use super::scales::Scales;
 
 /// Relative error of slopes by finite differences: motion that sticks has kinks.

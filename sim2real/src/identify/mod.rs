@@ -19,6 +19,7 @@ mod causes;
 mod contact;
 mod cross;
 mod cut;
+mod descent;
 mod fit;
 mod floor;
 mod found;

@@ -175,6 +175,12 @@ impl Model {
         }
     }
 
+    /// Of `numbers`, one for each that is fitted while nothing is held, those of term `index`.
+    pub fn of_term<'a>(&self, index: usize, numbers: &'a [f64]) -> &'a [f64] {
+        let before: usize = self.terms[..index].iter().map(|term| term.free.len()).sum();
+        &numbers[self.tuned.len() + before..][..self.terms[index].free.len()]
+    }
+
     /// With the numbers `x`.
     pub fn at(&self, x: &[f64], scales: &Scales) -> Self {
         let mut model = self.clone();

@@ -178,17 +178,13 @@ fn interval(value: f64, half: f64) -> Option<[f64; 2]> {
 /// The parameters of the model's term `index`.
 fn parameters(parts: &Parts<'_>, index: usize) -> BTreeMap<&'static str, Parameter> {
     let model = &parts.found.last;
-    let before: usize = model.terms[..index].iter().map(|term| term.free.len()).sum();
-    let mut half = parts.found.intervals[model.tuned.len() + before..].iter();
     let term = &model.terms[index];
+    let halves = term.free.iter().zip(model.of_term(index, &parts.found.intervals));
     let info = term.kind.info();
     let sliding = info.site == Site::Joint && parts.robot.dof(term.target).kind == JointKind::Prismatic;
     let number = |(i, parameter): (usize, &omniwalk_env::effect::Parameter)| {
-        let half = if term.free.contains(&i) {
-            half.next().copied().unwrap_or(f64::INFINITY)
-        } else {
-            f64::INFINITY
-        };
+        let half = halves.clone().find(|(free, _)| **free == i);
+        let half = half.map_or(f64::INFINITY, |(_, half)| *half);
         let value = Parameter {
             value: term.values[i],
             unit: parameter.scale.unit(sliding),

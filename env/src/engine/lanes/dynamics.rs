@@ -22,7 +22,10 @@ pub fn outward<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work<L>) 
         linear: Vec3::zero().minus(parameters.gravity).minus(angular.cross(linear)),
         angular: Vec3::zero(),
     };
-    own_force(&parameters.links[0], base);
+    // What a fixed base weighs moves nothing.
+    if model.floating {
+        own_force(&parameters.links[0], base);
+    }
     for (j, joint) in model.joints.iter().enumerate() {
         place_link(model, state, work, j);
         let above = work.links[joint.parent].acceleration;
@@ -63,8 +66,10 @@ pub fn inward<L: Lane>(model: &Model<L>, work: &mut Work<L>) {
         let (parent, link) = (&mut above[joint.parent], &below[0]);
         let subspace = work.subspaces[j];
         work.bias[joint.dof] += subspace.dot(link.force);
-        parent.force = parent.force.plus(link.force);
-
+        let carries = model.floating || joint.parent > 0;
+        if carries {
+            parent.force = parent.force.plus(link.force);
+        }
         let force = link.inertia.apply(subspace);
         if model.floating {
             let row = &mut work.mass_matrix[joint.row..joint.row + 6];
@@ -75,7 +80,9 @@ pub fn inward<L: Lane>(model: &Model<L>, work: &mut Work<L>) {
         for product in &joint.products {
             work.mass_matrix[product.entry] += work.subspaces[product.subspace].dot(force);
         }
-        parent.inertia = parent.inertia.plus(&link.inertia);
+        if carries {
+            parent.inertia = parent.inertia.plus(&link.inertia);
+        }
     }
     if model.floating {
         work.bias[..6].copy_from_slice(&work.links[0].force.array());

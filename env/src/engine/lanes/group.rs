@@ -2,6 +2,7 @@
 
 use super::lane::{Lane, MAX_WIDTH};
 use super::model::Model;
+use super::one_joint::OneJoint;
 use super::spatial::Motion;
 use super::vector::{Quaternion, Sym3, Vec3};
 
@@ -72,6 +73,8 @@ pub struct Group<L: Lane> {
     pub state: State<L>,
     pub parameters: Parameters<L>,
     pub drive: Vec<JointDrive<L>>,
+    /// Of a robot of one joint; none until the first step with these parameters.
+    pub one_joint: Option<OneJoint<L>>,
 }
 
 /// All lanes of a group's state and parameters in a fixed order, by `iter` or `iter_mut`.
@@ -164,6 +167,7 @@ impl<L: Lane> Group<L> {
                 push: Vec3::zero(),
             },
             drive: vec![idle; dofs],
+            one_joint: None,
         }
     }
 
@@ -172,8 +176,9 @@ impl<L: Lane> Group<L> {
         lanes!(self, iter)
     }
 
-    /// See [`Group::lanes`].
+    /// See [`Group::lanes`]; parameters may change.
     pub fn lanes_mut(&mut self) -> impl Iterator<Item = &mut L> {
+        self.one_joint = None;
         lanes!(self, iter_mut, mut)
     }
 }

@@ -17,7 +17,7 @@
 //! `f64x4` on a processor without AVX-512.
 //!
 //! The modules explain their part: `model` (tree, couplings, sparsity), `dynamics`, `factor`, `joint`, `contact`, `friction`,
-//! `tilt` (ground that is no level plane).
+//! `tilt` (ground that is no level plane), `one_joint` (a rig's servo).
 
 mod contact;
 mod count;
@@ -30,6 +30,7 @@ mod joint;
 mod kinematics;
 mod lane;
 mod model;
+mod one_joint;
 mod pair;
 mod reset;
 mod series;

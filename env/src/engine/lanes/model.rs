@@ -98,6 +98,8 @@ pub struct Model<L: Lane> {
     /// Gauss-Seidel sweeps over all contacts and joints in a step.
     pub sweeps: usize,
     pub floating: bool,
+    /// One joint on a fixed base that touches nothing.
+    pub one_joint: bool,
     /// Index of the first joint row: 6 or 0.
     pub root: usize,
     /// Orientation and height of a fixed base are constant; the same pose is where idle lanes rest.
@@ -128,7 +130,7 @@ impl<L: Lane> Model<L> {
         let mut outward: Vec<_> = (0..rows.len()).collect();
         outward.sort_by_key(|&k| rows[k].ancestors.len());
         let entries = rows.iter().map(|row| row.ancestors.len() + 1).sum();
-        let joints = (0..robot.joints.len())
+        let joints: Vec<_> = (0..robot.joints.len())
             .map(|j| joint_model(robot, &tree, &rows, j))
             .collect();
         let mut first_point = 0;
@@ -149,6 +151,7 @@ impl<L: Lane> Model<L> {
             ground: ground.clone(),
             sweeps: SWEEPS,
             floating,
+            one_joint: !floating && joints.len() == 1 && bodies.is_empty(),
             root,
             base_pose: robot.base_pose,
             joints,

@@ -9,6 +9,7 @@ use super::group::Group;
 use super::joint;
 use super::lane::{Lane, MAX_WIDTH};
 use super::model::Model;
+use super::one_joint;
 use super::vector::Vec3;
 use super::work::{
     CONTACT_SETUP, CONTACT_SWEEPS, FACTORISATION, FINISH, INWARD, JOINT_SETUP, JOINT_SWEEPS, OUTWARD, Timer, Work,
@@ -19,9 +20,14 @@ use super::work::{
 #[inline(always)]
 pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>, timer: &mut Timer) {
     timer.begin::<L>();
-    dynamics::outward(model, group, work);
-    timer.lap::<L>(OUTWARD);
-    dynamics::inward(model, work);
+    if model.one_joint {
+        one_joint::fill(model, group, work);
+        timer.lap::<L>(OUTWARD);
+    } else {
+        dynamics::outward(model, group, work);
+        timer.lap::<L>(OUTWARD);
+        dynamics::inward(model, work);
+    }
     dynamics::smooth_impulse(model, group, work);
     joint::apply_drives(model, group, work);
     timer.lap::<L>(INWARD);

@@ -1,7 +1,7 @@
 //! Effects whose size the logs leave open down to none: they predict better, and still are no finding.
 
 use super::super::interval;
-use super::super::model::{Model, Term};
+use super::super::model::Term;
 use super::{Rejected, Selection, Selector};
 use crate::identify::cross::Gain;
 
@@ -31,17 +31,11 @@ impl Selector<'_> {
         let halves = interval::intervals(self.data, fit, self.folds, self.scales);
         let halves = interval::widened(&halves, fit, self.floor);
         let doubts = fit.model.terms.iter().enumerate().filter_map(|(i, term)| {
-            let doubt = doubt(term, halves_of(&fit.model, i, &halves))?;
+            let doubt = doubt(term, fit.model.of_term(i, &halves))?;
             (doubt > 1.0).then_some((i, doubt))
         });
         doubts.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
     }
-}
-
-/// Of the half widths of all of a model's numbers those of term `i`.
-fn halves_of<'a>(model: &Model, i: usize, halves: &'a [f64]) -> &'a [f64] {
-    let before: usize = model.terms[..i].iter().map(|term| term.free.len()).sum();
-    &halves[model.tuned.len() + before..][..model.terms[i].free.len()]
 }
 
 /// The half width of a size over its distance from that of no effect, the smallest of the term's sizes; none where a size has no interval.

@@ -49,7 +49,8 @@ pub struct Rejected {
     pub gain: Gain,
     /// Largest share of the loss it took in any step.
     pub most: f64,
-    /// Share of the loss it would take to first order, where that was too little for a fit in the last step.
+    /// Share of the loss it would take to first order or at a rough physics step, where that was too little for a fit to the end in the
+    /// last step.
     pub at_best: Option<f64>,
     /// Why not.
     pub reason: String,
@@ -145,8 +146,8 @@ struct Steps {
     counts: Vec<((Kind, usize), usize)>,
     /// What was fitted already, by the effects it has.
     known: Vec<(Terms, Judged)>,
-    /// What was tried already, by the effects it was tried beside.
-    tried: Vec<(Terms, (Kind, usize, usize), Judged)>,
+    /// What was tried already, by the effects it was tried beside, or the share of the loss that what was not finished takes.
+    tried: Vec<(Terms, (Kind, usize, usize), Result<Judged, f64>)>,
 }
 
 impl<'a> Selector<'a> {
@@ -264,7 +265,7 @@ impl<'a> Selector<'a> {
                 _ if curves.contains(&(rejected.kind, rejected.target)) => {
                     "one of several that together are a curve over position".to_owned()
                 }
-                Some(share) => format!("not fitted: takes {:.1} % to first order, others more", 100.0 * share),
+                Some(share) => format!("not fitted to the end: takes about {:.1} %, others more", 100.0 * share),
                 None => self.reason(&rejected.gain, tried),
             };
         }

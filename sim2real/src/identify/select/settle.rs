@@ -6,7 +6,7 @@ use super::super::candidates::refinements;
 use super::super::fit::total;
 use super::super::model::Model;
 use super::worth::APART;
-use super::{Alike, Selector, Steps, size};
+use super::{Alike, Judged, Selector, Steps, size};
 
 impl Selector<'_> {
     /// Takes out what the model predicts as well without: effects, and what refines them.
@@ -36,7 +36,7 @@ impl Selector<'_> {
                     let first = base.terms.remove(i);
                     let without = self.known(steps, &base);
                     let candidates = self.rivals(&without.fit.model, &[&first, &second]);
-                    let tried = self.try_all(steps, &without, &candidates);
+                    let tried = self.try_all(steps, &without, candidates).judged;
                     let best = tried.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
                     if let Some(best) = best.filter(|best| !self.apart(&best.cross, &steps.now.cross)) {
                         steps.now = best.clone();
@@ -57,22 +57,21 @@ impl Selector<'_> {
             let mut term = base.terms.remove(i);
             let without = self.known(steps, &base);
             let candidates = self.rivals(&without.fit.model, &[&term]);
-            let tried = self.try_all(steps, &without, &candidates);
-            let better = (0..tried.len())
-                .filter(|&k| {
-                    size(&tried[k].fit.model) <= size(&steps.now.fit.model)
-                        && self.apart(&steps.now.cross, &tried[k].cross)
-                })
-                .min_by(|&a, &b| total(&tried[a].cross).total_cmp(&total(&tried[b].cross)));
-            if let Some(k) = better {
+            let tried = self.try_all(steps, &without, candidates);
+            let plain = |judged: &&Judged| size(&judged.fit.model) <= size(&steps.now.fit.model);
+            let better = tried.judged.iter().filter(plain);
+            let better = better
+                .filter(|judged| self.apart(&steps.now.cross, &judged.cross))
+                .min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
+            if let Some(better) = better {
                 // The exchanged term stands last; terms are visited by place, so it takes the old one's.
-                let mut model = tried[k].fit.model.clone();
+                let mut model = better.fit.model.clone();
                 model.terms[i..].rotate_right(1);
                 steps.now = self.fit(&model);
                 term = model.terms[i].clone();
             }
             let mut others: Vec<(Kind, usize)> = Vec::new();
-            for (candidate, judged) in candidates.iter().zip(&tried) {
+            for (candidate, judged) in tried.iter() {
                 let helps = self.worth(&without, judged, &self.folds.gain(&without.cross, &judged.cross));
                 // What needs more numbers to do the same is no equal explanation.
                 let plain = size(&judged.fit.model) <= size(&steps.now.fit.model);

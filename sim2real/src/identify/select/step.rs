@@ -3,11 +3,33 @@
 use omniwalk_env::effect::Kind;
 use rayon::prelude::*;
 
-use super::super::candidates::{self, Candidate};
+use super::super::candidates::{self, Attempt, Candidate};
 use super::super::cross::Gain;
 use super::super::fit::total;
+use super::super::model::Model;
 use super::worth::WORTH;
 use super::{Judged, PAIRED, Rejected, Selector, Steps, Terms, size, terms};
+
+/// Candidates that are finished at a fine physics step.
+const FINISHED: usize = 6;
+/// A candidate that leaves so many times the loss of the best one at a rough physics step is not looked at further.
+const BEHIND: f64 = 2.0;
+
+/// What was tried beside a model.
+#[derive(Default)]
+pub(super) struct Tried {
+    pub(super) candidates: Vec<Candidate>,
+    /// One a candidate.
+    pub(super) judged: Vec<Judged>,
+    /// Those that were left on the way, with the share of the loss they take at a rough physics step.
+    pub(super) left: Vec<(Candidate, f64)>,
+}
+
+impl Tried {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (&Candidate, &Judged)> {
+        self.candidates.iter().zip(&self.judged)
+    }
+}
 
 /// Which effects a step may take.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -29,18 +51,21 @@ impl Selector<'_> {
         let count = candidates.len();
         steps.most = steps.most.max(count);
         let (candidates, left) = self.promising(&now.fit.model, candidates);
+        let tried = self.try_all(steps, &now, candidates);
         for (candidate, share) in &left {
             note(&mut steps.rejected, candidate, Gain::NONE, Some(*share));
         }
-        let tried = self.try_all(steps, &now, &candidates);
-        for (candidate, judged) in candidates.iter().zip(&tried) {
+        for &(ref candidate, share) in &tried.left {
+            note(&mut steps.rejected, candidate, Gain { share, p: 1.0 }, Some(share));
+        }
+        for (candidate, judged) in tried.iter() {
             let gain = self.folds.gain(&now.cross, &judged.cross);
             note(&mut steps.rejected, candidate, gain, None);
         }
         // Those that were not fitted were tried as well: what was fitted is the best of all of them.
         let chosen = match stage {
-            Stage::Delays => self.best(&now, &tried, count),
-            Stage::All => self.choose(&now, &candidates, &tried, count),
+            Stage::Delays => self.best(&now, &tried.judged, count),
+            Stage::All => self.choose(&now, &tried, count),
         };
         let Some(next) = chosen else {
             return false;
@@ -63,8 +88,9 @@ impl Selector<'_> {
         loop {
             let now = steps.now.clone();
             let candidates = candidates::finer(&now.fit.model, self.scales);
-            let tried = self.try_all(steps, &now, &candidates);
-            let Some(best) = self.best(&now, &tried, candidates.len()) else {
+            let count = candidates.len();
+            let tried = self.try_all(steps, &now, candidates);
+            let Some(best) = self.best(&now, &tried.judged, count) else {
                 return;
             };
             steps.now = self.fit(&best.fit.model);
@@ -73,48 +99,84 @@ impl Selector<'_> {
     }
 
     /// Every candidate beside `now`; what was tried there before is not tried again.
-    pub(super) fn try_all(&self, steps: &mut Steps, now: &Judged, candidates: &[Candidate]) -> Vec<Judged> {
-        let own = terms(&now.fit.model);
+    pub(super) fn try_all(&self, steps: &mut Steps, now: &Judged, candidates: Vec<Candidate>) -> Tried {
+        let beside = terms(&now.fit.model);
         let known = |steps: &Steps, candidate: &Candidate| {
-            let same = |(beside, key, _): &&(Terms, _, Judged)| *beside == own && *key == candidate.key();
-            steps.tried.iter().find(same).map(|(_, _, judged)| judged.clone())
+            let same = |(own, key, _): &&(Terms, _, _)| *own == beside && *key == candidate.key();
+            steps.tried.iter().find(same).map(|(_, _, result)| result.clone())
         };
         let new: Vec<&Candidate> = candidates.iter().filter(|c| known(steps, c).is_none()).collect();
-        let one = |candidate: &&Candidate| {
-            self.judge(candidates::fit(
-                self.robot,
-                self.data,
-                &now.fit.model,
-                candidate,
-                self.scales,
-            ))
-        };
-        let judged: Vec<Judged> = new.par_iter().map(one).collect();
+        let on: Vec<_> = new.iter().map(|candidate| (&now.fit.model, *candidate)).collect();
+        let before = total(&self.data.rough().losses(std::slice::from_ref(&now.fit.model))[0]);
+        let share = |loss: f64| 1.0 - loss / before;
+        let results = self.try_on(&on).into_iter().map(|result| result.map_err(share));
         let keys = new.iter().map(|candidate| candidate.key());
-        let entries = keys.zip(judged).map(|(key, judged)| (own.clone(), key, judged));
-        steps.tried.extend(entries);
-        candidates.iter().filter_map(|c| known(steps, c)).collect()
+        steps
+            .tried
+            .extend(keys.zip(results).map(|(key, result)| (beside.clone(), key, result)));
+        let mut tried = Tried::default();
+        for candidate in candidates {
+            match known(steps, &candidate) {
+                Some(Ok(judged)) => {
+                    tried.candidates.push(candidate);
+                    tried.judged.push(judged);
+                }
+                Some(Err(share)) => tried.left.push((candidate, share)),
+                None => {}
+            }
+        }
+        tried
+    }
+
+    /// The candidates, each beside its own model of `on`, judged; or the losses of those that are far from the best at a rough step, and,
+    /// where the step is fine and fits are dear, those of all but the best [`FINISHED`].
+    fn try_on(&self, on: &[(&Model, &Candidate)]) -> Vec<Result<Judged, f64>> {
+        let rough = self.data.rough();
+        let begin = |(model, candidate): &(&Model, &Candidate)| {
+            Attempt::begin(self.robot, &rough, model, candidate, self.scales)
+        };
+        let mut attempts: Vec<Attempt> = on.par_iter().map(begin).collect();
+        let best = least(&attempts);
+        attempts
+            .par_iter_mut()
+            .for_each(|attempt| attempt.go_on(&rough, self.scales, best));
+        let mut order: Vec<f64> = attempts.iter().map(Attempt::loss).collect();
+        order.sort_by(f64::total_cmp);
+        let most = if self.data.finer == 1 { on.len() } else { FINISHED };
+        let last = order.get(most.wrapping_sub(1)).copied().unwrap_or(f64::INFINITY);
+        let last = last.min(BEHIND * least(&attempts));
+        let judge = |attempt: Attempt| {
+            let loss = attempt.loss();
+            let near = attempt.fit().filter(|_| loss <= last).ok_or(loss)?;
+            let fine = self.data.finer > 1;
+            let fit = if fine {
+                self.data.fit(&near.model, self.scales, &|_| true)
+            } else {
+                near
+            };
+            Ok(self.judge(fit))
+        };
+        attempts.into_par_iter().map(judge).collect()
     }
 
     /// The best single effect that is worth it and significant among `count`, else the best pair.
-    fn choose(&self, now: &Judged, candidates: &[Candidate], tried: &[Judged], count: usize) -> Option<Judged> {
-        if let Some(best) = self.best(now, tried, count) {
+    fn choose(&self, now: &Judged, tried: &Tried, count: usize) -> Option<Judged> {
+        if let Some(best) = self.best(now, &tried.judged, count) {
             return Some(best);
         }
-        let mut order: Vec<usize> = (0..tried.len()).collect();
-        order.sort_by(|&a, &b| total(&tried[a].cross).total_cmp(&total(&tried[b].cross)));
+        let mut order: Vec<(&Candidate, &Judged)> = tried.iter().collect();
+        order.sort_by(|(_, a), (_, b)| total(&a.cross).total_cmp(&total(&b.cross)));
         order.truncate(PAIRED);
-        let pairs: Vec<(usize, usize)> = order
-            .iter()
-            .enumerate()
-            .flat_map(|(i, &a)| order[i + 1..].iter().map(move |&b| (a, b)))
-            .filter(|&(a, b)| (candidates[a].kind, candidates[a].target) != (candidates[b].kind, candidates[b].target))
+        let firsts = order.iter().enumerate();
+        let pairs = firsts.flat_map(|(i, first)| order[i + 1..].iter().map(move |second| (first, second)));
+        let pairs: Vec<_> = pairs
+            .filter(|((a, _), (b, _))| (a.kind, a.target) != (b.kind, b.target))
             .collect();
-        let pair = |&(a, b): &(usize, usize)| {
-            let fit = candidates::fit(self.robot, self.data, &tried[a].fit.model, &candidates[b], self.scales);
-            self.judge(fit)
-        };
-        let pairs: Vec<Judged> = pairs.par_iter().map(pair).collect();
+        let on: Vec<_> = pairs
+            .iter()
+            .map(|((_, first), (second, _))| (&first.fit.model, *second))
+            .collect();
+        let pairs: Vec<Judged> = self.try_on(&on).into_iter().filter_map(Result::ok).collect();
         // A pair must be worth two effects.
         let best = self.best(now, &pairs, count * count / 2)?;
         let gain = self.folds.gain(&now.cross, &best.cross);
@@ -135,6 +197,11 @@ impl Selector<'_> {
         let best = simpler.min_by_key(|other| own(other)).copied().unwrap_or(best);
         self.beyond_contact(now, best).then(|| best.clone())
     }
+}
+
+/// The least loss of all.
+fn least(attempts: &[Attempt]) -> f64 {
+    attempts.iter().map(Attempt::loss).fold(f64::INFINITY, f64::min)
 }
 
 fn note(rejected: &mut Vec<Rejected>, candidate: &Candidate, gain: Gain, at_best: Option<f64>) {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use nalgebra::{DMatrix, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Point3, Unit, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -12,9 +12,9 @@ use super::*;
 use crate::engine::lanes::engine::Batch;
 use crate::engine::lanes::lane::{Kernel, Single};
 use crate::engine::lanes::model::ContactBody;
-use crate::engine::lanes::{contact, dynamics, factor};
+use crate::engine::lanes::{contact, dynamics, factor, one_joint};
 use crate::ground::Ground;
-use crate::robot::{Base, Robot};
+use crate::robot::{Base, JointKind, Robot};
 
 fn random_start(robot: &Robot, rng: &mut ChaCha8Rng) -> Start {
     let mut numbers = |scale: f64| (0..robot.dofs.len()).map(|_| rng.random_range(-scale..scale)).collect();
@@ -177,6 +177,57 @@ fn matrices_bias_and_contact_jacobians_agree_with_geometric_ones_in_every_width(
             Simd::F64x8 => check::<F64x8>(1e-10),
             Simd::F64x4 => check::<F64x4>(1e-10),
             Simd::Scalar => {}
+        }
+    }
+}
+
+/// Bias force and mass of a robot of one joint, by what is constant and by the links' algorithms, in one world of `batch` after the other.
+fn of_one_joint<L: Kernel>(batch: &mut Batch<L>) -> Vec<[[f64; 2]; 2]> {
+    let Batch {
+        model, groups, work, ..
+    } = batch;
+    assert!(model.one_joint);
+    one_joint::fill(model, &mut groups[0], work);
+    let quick = (work.bias[0], work.mass_matrix[0]);
+    dynamics::outward(model, &groups[0], work);
+    dynamics::inward(model, work);
+    let lane =
+        |lane: usize| [quick, (work.bias[0], work.mass_matrix[0])].map(|(bias, mass)| [bias.get(lane), mass.get(lane)]);
+    (0..L::WIDTH).map(lane).collect()
+}
+
+#[test]
+fn bias_and_mass_of_one_joint_are_those_of_its_links_whatever_the_world_becomes() {
+    let mut rng = ChaCha8Rng::seed_from_u64(13);
+    let mut slide = robots::pendulum();
+    slide.joints[0].kind = JointKind::Prismatic;
+    for mut robot in [robots::pendulum(), slide] {
+        robot.joints[0].axis = Unit::new_normalize(Vector3::new(0.5, -0.3, 0.8));
+        robot.joints[0].origin.rotation = UnitQuaternion::from_scaled_axis(robots::vector(&mut rng, 2.0));
+        robot.links[1].inertial.com = [0.1, 0.2, -0.9].into();
+        let mut batch = Batch::<Single>::new(&Ground::Plane, &robot, 0.001, 1);
+        let mut saved = Vec::new();
+        for round in 0..200 {
+            let mut world = world(&robot);
+            world.links[1].mass *= 1.0 + 0.01 * f64::from(round);
+            world.gravity += robots::vector(&mut rng, 3.0);
+            batch.reset(0, &random_start(&robot, &mut rng), &world);
+            if round == 0 {
+                batch.save(0, &mut saved);
+            }
+            let before = of_one_joint(&mut batch);
+            for _ in 0..100 {
+                batch.step(&Drive::idle(1, 1));
+            }
+            let after = of_one_joint(&mut batch);
+            let turns = robot.joints[0].kind == JointKind::Revolute;
+            assert_eq!(before != after, turns, "a slide weighs the same everywhere");
+            batch.load(0, &saved).expect("its own state");
+            for [quick, exact] in before.into_iter().chain(after).chain(of_one_joint(&mut batch)) {
+                let scale = exact[1] * 10.0;
+                assert!((quick[0] - exact[0]).abs() < 1e-12 * scale, "{quick:?} {exact:?}");
+                assert!((quick[1] - exact[1]).abs() < 1e-12 * scale, "{quick:?} {exact:?}");
+            }
         }
     }
 }
