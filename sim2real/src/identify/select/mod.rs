@@ -123,6 +123,9 @@ struct Judged {
     cross: Vec<Loss>,
 }
 
+/// Of a candidate: judged, or, where it was left on the way, the share of the loss that it takes.
+type Attempted = Result<Judged, f64>;
+
 /// Effects of a model with the numbers that are fitted, in a fixed order.
 type Terms = Vec<(&'static str, usize, Vec<usize>)>;
 
@@ -146,8 +149,8 @@ struct Steps {
     counts: Vec<((Kind, usize), usize)>,
     /// What was fitted already, by the effects it has.
     known: Vec<(Terms, Judged)>,
-    /// What was tried already, by the effects it was tried beside, or the share of the loss that what was not finished takes.
-    tried: Vec<(Terms, (Kind, usize, usize), Result<Judged, f64>)>,
+    /// What was tried already, by the effects it was tried beside.
+    tried: Vec<(Terms, (Kind, usize, usize), Attempted)>,
 }
 
 impl<'a> Selector<'a> {
