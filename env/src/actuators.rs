@@ -124,6 +124,14 @@ impl Actuators {
         }
     }
 
+    /// Says that degree of freedom `d` of `world`, which was started, is `time` (s) behind the start of its log.
+    pub fn set_time(&mut self, d: usize, world: usize, time: f64) {
+        let k = d * self.worlds + world;
+        if let Some(effects) = self.effects_mut(k) {
+            effects.memory.set_time(time);
+        }
+    }
+
     /// Gives degree of freedom `d` of `world`, which was started, a past: `past(age)` says what was commanded (target in rad or
     /// m, effort in N m or N) and where the joint was (rad or m) `age` physics steps before its first step, at most `known`.
     /// Delays and rate limits look back.
@@ -153,7 +161,9 @@ impl Actuators {
         if let Some(effects) = self.effects_mut(k) {
             // A delay begins with the first torque that was commanded.
             if !effects.told.effort {
+                let time = effects.memory.time();
                 effects.memory = effects.model.memory(effects.memory.state(), torque, torque);
+                effects.memory.set_time(time);
             }
             effects.told = Told {
                 target: effects.told.target,

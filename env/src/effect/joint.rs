@@ -39,6 +39,8 @@ pub(crate) struct Memory {
     motor: f64,
     /// What [`Model::step`] added to the engine's clamp.
     shift: f64,
+    /// Since the start of the log or episode, s.
+    time: f64,
 }
 
 /// A joint's entries in [`crate::engine::Drive`].
@@ -153,6 +155,7 @@ impl Model {
             rotor: self.transmission.rotor(position, velocity, ahead),
             motor: 0.0,
             shift: 0.0,
+            time: 0.0,
         }
     }
 
@@ -220,19 +223,23 @@ impl Model {
         } else {
             0.0
         };
-        let built = self.friction.built(&mut memory.bent, velocity * self.dt);
-        let (bound, one_sided) = self.friction.sides(built * self.friction.bound(velocity, transmitted));
-        *drive.friction = bound;
-        let table = self.table.as_ref().map_or(0.0, |table| {
-            table.torque(|variable| match variable {
+        let (rubs, pulls) = self.table.as_ref().map_or((0.0, 0.0), |table| {
+            let value = table.torque(|variable| match variable {
                 Variable::Position => position,
                 Variable::Velocity => velocity,
                 Variable::Target => asked,
                 Variable::Torque => memory.motor,
-            })
+                Variable::Time => memory.time,
+            });
+            if table.friction { (value, 0.0) } else { (0.0, value) }
         });
-        let extra = one_sided + self.friction.torque(velocity) + self.outside.torque(position) + table + outside;
+        let built = self.friction.built(&mut memory.bent, velocity * self.dt);
+        let dry = (self.friction.bound(velocity, transmitted) + rubs).max(0.0);
+        let (bound, one_sided) = self.friction.sides(built * dry);
+        *drive.friction = bound;
+        let extra = one_sided + self.friction.torque(velocity) + self.outside.torque(position) + pulls + outside;
         memory.velocity = velocity;
+        memory.time += self.dt;
         if self.transmission.is_split() {
             let servo = Servo {
                 target,
@@ -292,6 +299,16 @@ impl Memory {
         (self.rotor.position, self.rotor.velocity)
     }
 
+    /// Time since the start of the log or episode, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Sets the time since the start of the log or episode, s.
+    pub fn set_time(&mut self, time: f64) {
+        self.time = time;
+    }
+
     /// The motor's torque in the last step, N m or N.
     pub fn motor_torque(&self) -> f64 {
         self.motor
@@ -308,6 +325,7 @@ impl Memory {
             rotor,
             motor,
             shift,
+            time,
         } = self;
         [
             followed,
@@ -320,6 +338,7 @@ impl Memory {
             &mut rotor.motor.by_joint,
             motor,
             shift,
+            time,
         ]
         .into_iter()
         .chain(targets.by_age())

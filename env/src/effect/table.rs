@@ -1,4 +1,4 @@
-//! A measured torque over one or two variables: what is left when no model of the catalogue explains it.
+//! A measured torque, or dry friction, over one or two variables: what is left when no model of the catalogue explains it.
 
 use super::catalogue::{Info, Place, Site};
 
@@ -7,7 +7,7 @@ pub(super) const RESIDUAL: Info = Info {
     site: Site::Joint,
     place: Place::Table,
     parameters: &[],
-    what: "a measured table of torque over position, velocity, target or motor torque, linear between its points",
+    what: "a measured table of torque, or of dry friction, over position, velocity, target, motor torque or time, linear between its points",
 };
 
 /// What a table is over.
@@ -22,11 +22,13 @@ pub enum Variable {
     Target,
     /// Motor torque of the last step, N m or N.
     Torque,
+    /// Time since the start of the log or episode, s.
+    Time,
 }
 
 impl Variable {
     /// Every variable.
-    pub const ALL: [Self; 4] = [Self::Position, Self::Velocity, Self::Target, Self::Torque];
+    pub const ALL: [Self; 5] = [Self::Position, Self::Velocity, Self::Target, Self::Torque, Self::Time];
 
     /// Its name in files and reports.
     pub fn name(self) -> &'static str {
@@ -35,6 +37,7 @@ impl Variable {
             Self::Velocity => "velocity",
             Self::Target => "target",
             Self::Torque => "torque",
+            Self::Time => "time",
         }
     }
 }
@@ -46,6 +49,8 @@ pub struct Table {
     pub axes: Vec<(Variable, Vec<f64>)>,
     /// Torque at the grid points, N m or N; the last axis runs fastest.
     pub values: Vec<f64>,
+    /// Whether it is dry friction, which comes on top of the joint's (both together are no less than none), and not a torque.
+    pub friction: bool,
 }
 
 impl Table {
@@ -109,6 +114,7 @@ mod tests {
                 (Variable::Velocity, vec![-1.0, 1.0]),
             ],
             values: vec![0.0, 2.0, 4.0, 6.0],
+            friction: false,
         };
         let at = |q: f64, v: f64| table.torque(|x| if x == Variable::Position { q } else { v });
         assert_eq!(at(0.5, 0.0), 3.0);

@@ -144,10 +144,10 @@ impl Entry<'_> {
     }
 
     fn table(&self) -> Result<Table, RobotError> {
-        let help = "over = [\"position\"] (position, velocity, target, torque; one or two), a grid of each under its name, and values";
+        let help = "over = [\"position\"] (position, velocity, target, torque, time; one or two), a grid of each under its name, values, and friction = true where they are dry friction";
         let over = self.needed("over", help)?;
         let wrong = |value: &Spanned<Value>, message: String| self.error(value.span(), message, help);
-        let mut names = vec!["over", "values"];
+        let mut names = vec!["over", "values", "friction"];
         let mut axes = Vec::new();
         for name in over.get_ref().as_array().into_iter().flatten() {
             let variable = Variable::ALL.into_iter().find(|v| Some(v.name()) == name.as_str());
@@ -157,7 +157,14 @@ impl Entry<'_> {
         }
         self.check_keys(Kind::ResidualTorque.id(), &names)?;
         let values = self.numbers(self.needed("values", help)?, help)?;
-        let table = Table { axes, values };
+        let friction = match self.find("friction") {
+            None => false,
+            Some(value) => value
+                .get_ref()
+                .as_bool()
+                .ok_or_else(|| wrong(value, "`friction` is true or false".into()))?,
+        };
+        let table = Table { axes, values, friction };
         match table.fault() {
             None => Ok(table),
             Some(fault) => Err(wrong(over, fault)),

@@ -46,7 +46,7 @@
 //! match = ["left_knee"]
 //! over = ["position"]
 //! position = [-1.0, 0.0, 1.0]
-//! values = [0.1, 0.0, -0.1]
+//! values = [0.1, 0.0, -0.1]              # friction = true where it is dry friction
 //!
 //! [[range]]                              # an effect's values that environments draw, uniformly; `identify` writes its intervals
 //! id = "stribeck_friction"

@@ -9,7 +9,7 @@ use omniwalk_env::actuators::Actuators;
 use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
 use omniwalk_env::engine::Engine;
 use omniwalk_env::engine::lanes::{Lanes, Simd};
-use omniwalk_env::robot;
+use omniwalk_env::robot::{self, Robot};
 use rig::*;
 
 #[test]
@@ -147,22 +147,43 @@ fn friction_under_load_grows_with_the_load_and_is_more_at_rest() {
     assert!((0.0..known).contains(&missing), "{carried} of {load}, {known} known");
 }
 
-#[test]
-fn a_table_pulls_where_it_says() {
+/// The rig with a table on its joint.
+fn with_table(table: Table) -> Robot {
     let mut robot = rig(&[]);
-    let table = Table {
-        axes: vec![(Variable::Position, vec![-1.0, 0.0, 1.0])],
-        values: vec![0.3, 0.0, -0.3],
-    };
     let effect = Effect {
-        kind: Kind::ResidualTorque,
-        target: 0,
-        values: Vec::new(),
         table: Some(table),
+        ..Effect::new(Kind::ResidualTorque, 0, &[])
     };
     effect::apply(&mut robot, &effect);
+    robot
+}
+
+#[test]
+fn a_table_pulls_where_it_says() {
+    let robot = with_table(Table {
+        axes: vec![(Variable::Position, vec![-1.0, 0.0, 1.0])],
+        values: vec![0.3, 0.0, -0.3],
+        friction: false,
+    });
     let q = *lanes(&robot, 5.0, |_| 0.5).last().expect("readings");
     let balance = 4.0 * (0.5 - q) - GRAVITY_TORQUE * q.sin() - 0.3 * q;
+    assert!(balance.abs() < 1e-6, "{balance}");
+}
+
+#[test]
+fn a_table_of_dry_friction_over_time_holds_until_it_is_none() {
+    let robot = with_table(Table {
+        axes: vec![(Variable::Time, vec![0.0, 1.0, 1.001])],
+        values: vec![5.0, 5.0, 0.0],
+        friction: true,
+    });
+    let readings = lanes(&robot, 6.0, |_| 0.5);
+    assert!(
+        (readings[999] - readings[0]).abs() < 1e-12,
+        "5 N m hold what pulls with 2"
+    );
+    let q = *readings.last().expect("readings");
+    let balance = 4.0 * (0.5 - q) - GRAVITY_TORQUE * q.sin();
     assert!(balance.abs() < 1e-6, "{balance}");
 }
 
@@ -213,6 +234,10 @@ fn effects_come_from_the_toml_and_faults_name_their_place() {
         (
             "[[effect]]\nid = \"residual_torque\"\nmatch = [\"hinge\"]\nover = [\"position\"]\nposition = [0.0, 1.0]\nvalues = [1.0]\n",
             "1 values for 2",
+        ),
+        (
+            "[[effect]]\nid = \"residual_torque\"\nmatch = [\"hinge\"]\nover = [\"time\"]\ntime = [0.0, 1.0]\nvalues = [1.0, 2.0]\nfriction = 1\n",
+            "true or false",
         ),
     ] {
         let error = load(toml).expect_err(toml).to_string();

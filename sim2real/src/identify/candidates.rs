@@ -62,18 +62,25 @@ pub fn all(robot: &Robot, data: &Data, model: &Model, scales: &Scales, ripples: 
             if model.has(kind, target) || !applies(kind, target, robot, data, model) {
                 continue;
             }
-            let variants = variants(kind, target, robot, scales, ripples);
-            for (variant, starts) in variants.into_iter().enumerate().filter(|(_, s)| !s.is_empty()) {
-                out.push(Candidate {
-                    kind,
-                    target,
-                    variant,
-                    starts,
-                });
-            }
+            out.extend(each(kind, target, robot, scales, ripples));
         }
     }
     out
+}
+
+/// Each of the ways the effect `kind` on `target` can be.
+pub fn each(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: &[Vec<f64>]) -> Vec<Candidate> {
+    let variants = variants(kind, target, robot, scales, ripples).into_iter().enumerate();
+    let one = |(variant, starts): (usize, Vec<Term>)| Candidate {
+        kind,
+        target,
+        variant,
+        starts,
+    };
+    variants
+        .map(one)
+        .filter(|candidate| !candidate.starts.is_empty())
+        .collect()
 }
 
 /// What `term` may be refined by.
@@ -129,7 +136,7 @@ fn applies(kind: Kind, target: usize, robot: &Robot, data: &Data, model: &Model)
 }
 
 /// The starts of each way the effect can be: some have several, of which one is true.
-fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: &Ripples) -> Vec<Vec<Term>> {
+fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: &[Vec<f64>]) -> Vec<Vec<Term>> {
     let info = kind.info();
     let scale = |i: usize| scales.of(info.parameters[i].scale, info.site, target);
     let start = |i: usize| -> Vec<f64> {
@@ -215,7 +222,7 @@ const FOLLOWED: usize = 3;
 pub struct Attempt {
     /// From the re-tuned values, and from the nominal ones: those bent to make up for what is missing, and from there the way is often
     /// uphill.
-    ways: Vec<Descent>,
+    ways: [Descent; 2],
 }
 
 impl Attempt {
@@ -239,7 +246,7 @@ impl Attempt {
             way
         };
         Self {
-            ways: [false, true].map(way).into(),
+            ways: [false, true].map(way),
         }
     }
 
@@ -257,14 +264,19 @@ impl Attempt {
     }
 
     /// The better fit.
-    pub fn fit(self) -> Option<Fit> {
-        let better = self.ways.into_iter().min_by(|a, b| a.loss().total_cmp(&b.loss()));
-        better.map(|way| way.fit)
+    pub fn fit(self) -> Fit {
+        let [tuned, straight] = self.ways;
+        let better = if straight.loss() < tuned.loss() {
+            straight
+        } else {
+            tuned
+        };
+        better.fit
     }
 }
 
 /// The one of `starts` that is best, or leads to the best, after a step.
-fn promising(data: &Data, mut starts: Vec<Model>, scales: &Scales) -> Model {
+pub fn promising(data: &Data, mut starts: Vec<Model>, scales: &Scales) -> Model {
     if starts.len() > 1 {
         let at_start = data.losses(&starts);
         let mut order: Vec<usize> = (0..starts.len()).collect();

@@ -1,13 +1,14 @@
-//! What re-tunes several numbers of a joint by the same factor: a supply that is not the nominal one, a mass that is not.
+//! What re-tunes several numbers of a joint as one: a supply that is not the nominal one, a mass that is not.
 //!
 //! Re-tuning explains all that these do, so that no effect is missing beside it: a supply (`Kind::SupplyVoltage`) scales stiffness, torque
-//! limit and speed limit; where one link moves, a larger mass of it does what lower gains and a lower torque limit do. Numbers that move
-//! as one have one cause, which is named with them.
+//! limit and speed limit; where one link moves, a larger mass of it does what lower gains and a lower torque limit do. Where such an effect
+//! beside nominal values predicts no worse than the numbers that were re-tuned one by one, it is named with them.
 
-use omniwalk_env::effect::Kind;
+use omniwalk_env::effect::{Kind, Site};
+use omniwalk_env::robot::Robot;
 
 use super::fit::Fit;
-use super::model::Tuned;
+use super::model::{Tuned, joint_of};
 use super::own::Own;
 use super::select::Selector;
 
@@ -37,23 +38,26 @@ const CAUSES: [Cause; 2] = [
         alone: true,
     },
 ];
-/// Least distance of the common factor from one.
+/// Least distance of a number's factor from one.
 const OFF: f64 = 0.03;
-/// Factors agree within this many of their intervals' half widths, and as much as fits are off anyway.
-const AGREE: f64 = 1.5;
-const ANYWAY: f64 = 0.01;
 
-/// Sets of what cannot be told apart: for each joint some of whose numbers have a factor in common, without which they predict worse, the
-/// causes and what they scale. `intervals` are half widths of the numbers of `fit` in their order.
+/// Sets of what cannot be told apart: for each joint some of whose numbers are off in the same direction, without which they predict worse,
+/// the causes that would do as well and what they scale. `intervals` are half widths of the numbers of `fit` in their order.
 pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64]) -> Vec<Vec<String>> {
     let robot = selector.robot;
     let one = |dof: usize| {
         let (mut kinds, mut scaled) = (Vec::new(), Vec::new());
         for cause in CAUSES.iter().filter(|cause| !cause.alone || robot.dofs.len() == 1) {
-            if let Some(own) = cause.scaled(fit, intervals, dof)
-                && selector.retuning_helps(fit, dof, &own, robot.dofs.len())
-            {
-                kinds.extend_from_slice(cause.kinds);
+            let Some(own) = cause.scaled(fit, intervals, dof) else {
+                continue;
+            };
+            let named = cause
+                .kinds
+                .iter()
+                .filter(|&&kind| cause.explains(kind, selector, fit, dof));
+            let named: Vec<Kind> = named.copied().collect();
+            if !named.is_empty() && selector.retuning_helps(fit, dof, &own, robot.dofs.len()) {
+                kinds.extend(named);
                 scaled.extend(own);
             }
         }
@@ -67,17 +71,27 @@ pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64]) -> Vec<Vec<St
 }
 
 impl Cause {
-    /// The numbers of degree of freedom `dof` that it scales, if they have a factor in common and what it keeps has not.
+    /// The numbers of degree of freedom `dof` that it scales and the logs tell, if they are off in the same direction.
     fn scaled(&self, fit: &Fit, intervals: &[f64], dof: usize) -> Option<Vec<Own>> {
-        let (own, moved) = factors(fit, intervals, dof, self.scaled);
-        let (_, kept) = factors(fit, intervals, dof, self.kept);
+        let (own, factors) = factors(fit, intervals, dof, self.scaled);
         // Where stiffness does not tell there is no more than limits, of which each may be off.
-        if !own.contains(&Own::KpScale) || moved.len() < 2 {
-            return None;
-        }
-        let mean = common(&moved)?;
-        let is_kept = |[factor, _]: &[f64; 2]| (factor - 1.0).abs() < (factor - mean).abs();
-        kept.iter().all(is_kept).then_some(own)
+        let told = own.contains(&Own::KpScale) && own.len() > 1;
+        (told && off_alike(&factors)).then_some(own)
+    }
+
+    /// Whether `kind` beside the nominal values of what it scales and keeps does what re-tuning them does.
+    fn explains(&self, kind: Kind, selector: &Selector<'_>, fit: &Fit, dof: usize) -> bool {
+        let own = [self.scaled, self.kept].concat();
+        let target = target(kind, dof, selector.robot);
+        target.is_some_and(|target| selector.stands_for(fit, dof, &own, (kind, target)))
+    }
+}
+
+/// What `kind` acts on to move degree of freedom `dof`.
+fn target(kind: Kind, dof: usize, robot: &Robot) -> Option<usize> {
+    match kind.info().site {
+        Site::Joint => Some(dof),
+        Site::Link => (1..robot.links.len()).find(|&link| joint_of(robot, Site::Link, link) == Some(dof)),
     }
 }
 
@@ -89,14 +103,10 @@ fn factors(fit: &Fit, intervals: &[f64], dof: usize, numbers: &[Own]) -> (Vec<Ow
     told.map(factor).unzip()
 }
 
-/// What `factors`, each with the half width of its interval, have in common, if that is not one.
-fn common(factors: &[[f64; 2]]) -> Option<f64> {
-    let weight = |half: f64| 1.0 / (half + ANYWAY).powi(2);
-    let sum: f64 = factors.iter().map(|[_, half]| weight(*half)).sum();
-    let mean = factors.iter().map(|[factor, half]| factor * weight(*half)).sum::<f64>() / sum;
-    let agrees = |[factor, half]: &[f64; 2]| (factor - mean).abs() <= AGREE * half + ANYWAY;
-    let off = |[factor, half]: &[f64; 2]| (factor - 1.0).abs() > *half && (factor - 1.0) * (mean - 1.0) > 0.0;
-    ((mean - 1.0).abs() > OFF && factors.iter().all(|factor| agrees(factor) && off(factor))).then_some(mean)
+/// Whether `factors`, each with the half width of its interval, are all off one, to the same side.
+fn off_alike(factors: &[[f64; 2]]) -> bool {
+    let off = |sign: f64| move |[factor, half]: &[f64; 2]| sign * (factor - 1.0) > half.max(OFF);
+    factors.iter().all(off(1.0)) || factors.iter().all(off(-1.0))
 }
 
 #[cfg(test)]
@@ -104,13 +114,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn factors_that_agree_and_are_not_one_have_a_common_cause() {
-        assert!(common(&[[0.80, 0.01], [0.79, 0.02], [0.81, 0.01]]).is_some_and(|factor| (factor - 0.8).abs() < 0.01));
-        assert!(common(&[[0.80, 0.01], [0.95, 0.02]]).is_none(), "they differ");
-        assert!(common(&[[0.99, 0.001], [0.985, 0.002]]).is_none(), "as good as one");
-        assert!(
-            common(&[[0.80, 0.3], [0.85, 0.25]]).is_none(),
-            "one is within the intervals"
-        );
+    fn factors_are_off_alike_where_all_are_surely_above_or_surely_below_one() {
+        assert!(off_alike(&[[0.80, 0.01], [0.71, 0.02]]));
+        assert!(off_alike(&[[1.2, 0.01], [1.3, 0.1]]));
+        assert!(!off_alike(&[[0.80, 0.01], [1.2, 0.01]]), "to both sides");
+        assert!(!off_alike(&[[0.99, 0.001], [0.8, 0.01]]), "one is as good as nominal");
+        assert!(!off_alike(&[[0.80, 0.3], [0.85, 0.1]]), "one is within its interval");
     }
 }

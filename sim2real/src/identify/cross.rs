@@ -79,6 +79,22 @@ impl Folds {
         folds
     }
 
+    /// The same with folds that are whole logs wherever there are several: what goes with the time since the start of a log is in all of
+    /// them at the same time.
+    pub fn of_logs(&self, data: &Data) -> Self {
+        let log_of = block_logs(data);
+        let logs = 1 + log_of.iter().copied().max().unwrap_or(0);
+        if logs < 2 {
+            return self.clone();
+        }
+        Self {
+            count: logs.min(FOLDS),
+            of_block: log_of.iter().map(|log| log % FOLDS).collect(),
+            guard: vec![None; data.blocks],
+            ..self.clone()
+        }
+    }
+
     /// The blocks of every cluster that draws are made of.
     pub fn clusters(&self) -> Vec<Vec<usize>> {
         let mut clusters: BTreeMap<usize, Vec<usize>> = BTreeMap::new();

@@ -1,23 +1,23 @@
 //! Noise or structure: what the residual of a model depends on.
 
-use omniwalk_env::effect::{Kind, Table};
 use omniwalk_env::engine::EngineError;
 
 use super::candidates::Ripples;
-use super::cross::{Folds, robust};
-use super::fit::{Data, Loss, total};
+use super::fit::{Data, total};
 use super::floor::Floor;
 use super::found::sums;
-use super::model::{Model, Term};
+use super::model::{Model, Term, joint_of};
 use super::noise;
 use super::scales::Scales;
-use super::select::{Selection, is_above};
+use super::select::{Selection, Selector, Tabled, is_above};
 use super::torque::{self, Dependence, Moment};
 
 /// Starts of a ripple's fit.
 const RIPPLES: usize = 3;
 /// Beside accepted effects, structure is more than this share of what the re-tuned model leaves above the floor: a quarter of the error.
 const SHARE_LEFT: f64 = 0.0625;
+/// Effects that leave more than this share explain less than half: something is missing even where nothing predicts it.
+const MOST_LEFT: f64 = 0.5;
 /// Beyond so many times the floor's square something is missing even where nothing predicts it.
 const FAR_ABOVE: f64 = 9.0;
 /// Autocorrelation over 0.1 s from which on what is so far above the floor is no noise, however much effects took.
@@ -27,10 +27,9 @@ const COLOURED: f64 = 0.25;
 pub const COARSE: f64 = 0.1;
 /// The same to choose with: the integrator then makes a tenth of the squared residual, and the floor knows.
 pub const TOO_COARSE: f64 = 0.3;
-/// Points of a measured table: what is smooth is known better with few, what repeats within the range needs many.
-const GRIDS: [usize; 2] = [torque::KNOTS, 4 * torque::KNOTS];
-/// Least fall of the loss by a measured table.
-const WORTH: f64 = 0.05;
+/// Most variables that are named of a joint.
+const NAMED: usize = 3;
+
 /// One over the root mean square residual of each degree of freedom under `model`.
 pub fn weights(data: &Data, model: &Model) -> Vec<f64> {
     let mut sums = vec![(0.0, 0.0_f64); data.weights.len()];
@@ -80,8 +79,6 @@ pub struct Left {
     pub names: Vec<String>,
     /// What it depends on, in order.
     pub depends_on: Vec<Dependence>,
-    /// A table of it, where simulations can have one and it helps.
-    pub table: Option<Table>,
     /// Whether it is structure: more than noise, and predicted or far more.
     pub structured: bool,
     losses: Losses,
@@ -157,14 +154,26 @@ impl Losses {
             .min(self.share_left())
     }
 
-    /// Whether more is left than noise and, `beside` effects, than a trifle of what there was to explain, and either something predicts
-    /// it or it is far more; far more that is not white over time is no trifle.
-    fn is_structure(&self, beside: bool, predicted: bool, autocorrelation: f64) -> bool {
-        let far = self.last > FAR_ABOVE * self.floor;
+    /// Whether more is left than noise and, `beside` effects, than a trifle of what there was to explain; far more that is not white over
+    /// time is no trifle.
+    fn is_much(&self, beside: bool, autocorrelation: f64) -> bool {
         is_above(self.last, self.floor, self.negligible)
-            && (!beside || self.share_left() > SHARE_LEFT || far && autocorrelation > COLOURED)
-            && (predicted || far)
+            && (!beside || self.share_left() > SHARE_LEFT || self.is_far() && autocorrelation > COLOURED)
     }
+
+    /// Whether something is missing even where nothing predicts it.
+    fn is_far(&self) -> bool {
+        self.last > FAR_ABOVE * self.floor
+    }
+}
+
+/// The degrees of freedom of which more is left than noise and a trifle.
+pub fn open(data: &Data, selection: &Selection, floor: &Floor) -> Vec<usize> {
+    let autocorrelation = autocorrelations(data, &selection.last.model);
+    let beside = !selection.last.model.terms.is_empty();
+    let losses = Losses::by_dof(data, selection, floor);
+    let much = |d: &usize| losses[*d].is_much(beside, autocorrelation[*d]);
+    (0..losses.len()).filter(much).collect()
 }
 
 /// Weighted sum of squared residuals of each degree of freedom under `model`.
@@ -207,103 +216,58 @@ impl Leftover {
 ///
 /// # Errors
 /// When an engine does not take the robot.
-pub fn leftover(
-    data: &Data,
-    selection: &Selection,
-    scales: &Scales,
-    folds: &Folds,
-    floor: &Floor,
-) -> Result<Leftover, EngineError> {
-    let model = &selection.last.model;
+pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -> Result<Leftover, EngineError> {
+    let (data, folds, model) = (selector.data, selector.folds, &selection.last.model);
     let losses = Losses::by_dof(data, selection, floor);
     let fold = |block: usize| folds.of_block[block];
-    let autocorrelation = autocorrelations(data, model);
+    let has_effect = |dof: usize| {
+        let on = |term: &Term| joint_of(selector.robot, term.kind.info().site, term.target);
+        model.terms.iter().any(|term| on(term) == Some(dof))
+    };
+    let open = open(data, selection, floor);
+    let mut with = model.clone();
     let mut joints = Vec::new();
-    for (dof, moments) in torque::lacking(data, model, scales)?.into_iter().enumerate() {
-        let depends_on = torque::dependence(&moments, &fold, folds.count);
+    for (dof, moments) in torque::lacking(data, model, selector.scales)?.into_iter().enumerate() {
+        let mut depends_on = torque::dependence(&moments, &fold, folds.count);
+        let (own, is_open) = (losses[dof], open.contains(&dof));
+        // Of a robot on the ground all joints are open where one is.
+        let worth_a_table = is_open && !(data.is_free() && depends_on.is_empty());
+        let table = worth_a_table
+            .then(|| selector.table(&selection.last, dof, &moments))
+            .flatten();
+        if let Some(table) = &table {
+            lead(&mut depends_on, table);
+            with.take_joint(dof, &table.model);
+        }
+        let most = has_effect(dof) && own.share_left() > MOST_LEFT;
+        let structured = is_open && (!depends_on.is_empty() || own.is_far() || most);
         joints.push(Left {
             dof,
-            structured: losses[dof].is_structure(!model.terms.is_empty(), !depends_on.is_empty(), autocorrelation[dof]),
-            losses: losses[dof],
+            structured,
+            losses: own,
             depends_on,
             names: torque::names(&data.trials[0], dof),
             moments,
-            table: None,
         });
     }
-    let mut with = model.clone();
-    add_tables(data, folds, &mut with, &mut joints);
     Ok(Leftover {
-        autocorrelation,
+        autocorrelation: autocorrelations(data, model),
         joints,
         model: with,
     })
 }
 
-/// Gives every joint of which structure is left a table of the torque it lacks, over what simulations know of what that depends on,
-/// where that helps rollouts of blocks the table was not made from.
-fn add_tables(data: &Data, folds: &Folds, model: &mut Model, joints: &mut [Left]) {
-    let fold = |block: usize| folds.of_block[block];
-    for left in joints.iter_mut().filter(|left| left.structured) {
-        let known = torque::simulated_dependence(&left.moments, &fold, folds.count);
-        let before = total(&robust(data, data.cells(std::slice::from_ref(model)).swap_remove(0)));
-        let tables = tables(data, folds, model, (left.dof, &left.moments), &known).into_iter();
-        let best = tables.min_by(|a, b| total(&a.1).total_cmp(&total(&b.1)));
-        if let Some((table, _)) = best.filter(|(_, cross)| total(cross) < (1.0 - WORTH) * before) {
-            *model = with_table(model, left.dof, &table);
-            left.table = Some(table);
-        }
-    }
-}
-
-/// Tables of the `moments` of a joint over each of the variables `known`, coarse and fine, with the losses of every block by one that was made without
-/// its fold. None where some fold allows of no table.
-pub fn tables(
-    data: &Data,
-    folds: &Folds,
-    model: &Model,
-    (dof, moments): (usize, &[Moment]),
-    known: &[Dependence],
-) -> Vec<(Table, Vec<Loss>)> {
-    let fold = |block: usize| folds.of_block[block];
-    let shapes: Vec<(&Dependence, usize)> = known.iter().flat_map(|d| GRIDS.map(|points| (d, points))).collect();
-    let shapes = &shapes;
-    let without = |own: usize| {
-        let table = move |&(leading, points): &(&Dependence, usize)| {
-            torque::table(moments, leading, points, &|b| fold(b) != own)
-        };
-        shapes.iter().map(table)
-    };
-    let left_out: Option<Vec<Table>> = (0..folds.count).flat_map(without).collect();
-    let whole = shapes
-        .iter()
-        .map(|&(leading, points)| torque::table(moments, leading, points, &|_| true));
-    let (Some(left_out), Some(whole)) = (left_out, whole.collect::<Option<Vec<_>>>()) else {
-        return Vec::new();
-    };
-    let models: Vec<Model> = left_out.iter().map(|table| with_table(model, dof, table)).collect();
-    let (dofs, losses) = (data.weights.len(), data.cells(&models));
-    let of = |k: usize, b: usize| &losses[fold(b) * shapes.len() + k][b * dofs..(b + 1) * dofs];
-    let cross = |k: usize| robust(data, (0..data.blocks).flat_map(|b| of(k, b).to_vec()).collect());
-    whole
-        .into_iter()
-        .enumerate()
-        .map(|(k, table)| (table, cross(k)))
-        .collect()
-}
-
-/// `model` with a table of torque on a joint.
-fn with_table(model: &Model, dof: usize, table: &Table) -> Model {
-    let mut with = model.clone();
-    with.terms.push(Term {
-        kind: Kind::ResidualTorque,
-        target: dof,
-        values: Vec::new(),
-        free: Vec::new(),
-        table: Some(table.clone()),
-        held: false,
+/// Puts the variable of a `table`, which rollouts tell, among those that predict the torque of moments, by what share each takes.
+fn lead(depends_on: &mut Vec<Dependence>, table: &Tabled) {
+    let (variable, form) = table.over;
+    depends_on.retain(|other| other.variable != variable);
+    depends_on.push(Dependence {
+        variable,
+        form,
+        gain: table.share,
     });
-    with
+    depends_on.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    depends_on.truncate(NAMED);
 }
 
 fn autocorrelations(data: &Data, model: &Model) -> Vec<f64> {

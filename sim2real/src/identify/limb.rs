@@ -65,8 +65,9 @@ pub fn find(
         ..Selector::new(robot, &data, &scales, &folds, &floor)
     };
     selector.drop_doubtful(&mut selection);
+    selector.prefer_tables(&mut selection, &|selection| leftover::open(&data, selection, &floor));
     let all_at_once = search.compare.then(|| selector.all_at_once(&selection.refit.model));
-    let left = leftover::leftover(&data, &selection, &scales, &folds, &floor)?;
+    let left = leftover::leftover(&selector, &selection, &floor)?;
     let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
     let common = causes::sets(&selector, &selection.last, &intervals);
     let intervals = interval::widened(&intervals, &selection.last, selector.floor);

@@ -32,11 +32,11 @@ pub struct Term {
     pub kind: Kind,
     /// Degree of freedom or link.
     pub target: usize,
-    /// All values, in the catalogue's order.
+    /// All values, in the catalogue's order; of a table those at its points.
     pub values: Vec<f64>,
     /// Which of them are fitted.
     pub free: Vec<usize>,
-    /// The table of a residual torque.
+    /// The table of a residual torque, over one variable.
     pub table: Option<Table>,
     /// Whether it is held while others are fitted.
     pub held: bool,
@@ -45,11 +45,24 @@ pub struct Term {
 impl Term {
     /// The effect with its present values.
     pub fn effect(&self) -> Effect {
+        let (values, table) = match &self.table {
+            None => (self.values.clone(), None),
+            Some(table) => {
+                let values = self.values.clone();
+                (
+                    Vec::new(),
+                    Some(Table {
+                        values,
+                        ..table.clone()
+                    }),
+                )
+            }
+        };
         Effect {
             kind: self.kind,
             target: self.target,
-            values: self.values.clone(),
-            table: self.table.clone(),
+            values,
+            table,
         }
     }
 }
@@ -74,6 +87,18 @@ pub struct Free {
     pub upper: f64,
     /// Step of finite differences in x.
     pub step: f64,
+}
+
+impl Free {
+    /// A torque `value` of a table on a joint with so much torque.
+    fn of_table(value: f64, scale: f64) -> Self {
+        Self {
+            scale,
+            lower: -50.0,
+            upper: 50.0,
+            step: 5e-3 * (value / scale).abs().max(0.02),
+        }
+    }
 }
 
 impl Model {
@@ -122,7 +147,9 @@ impl Model {
         let effects = self.terms.iter().filter(|term| !term.held).flat_map(|term| {
             let info = term.kind.info();
             term.free.iter().map(move |&i| {
-                let parameter = &info.parameters[i];
+                let Some(parameter) = info.parameters.get(i) else {
+                    return Free::of_table(term.values[i], scales.of(Scale::Torque, info.site, term.target));
+                };
                 let scale = scales.of(parameter.scale, info.site, term.target);
                 let typical = match parameter.scale {
                     Scale::Time => 0.01,
@@ -236,6 +263,18 @@ impl Model {
             tuned: [self.tuned.as_slice(), &other.tuned].concat(),
             terms: [self.terms.as_slice(), &other.terms].concat(),
         }
+    }
+
+    /// Takes over from `other` the re-tuned values of degree of freedom `dof` and the effects on it that this model lacks.
+    pub fn take_joint(&mut self, dof: usize, other: &Self) {
+        for (own, tuned) in self.tuned.iter_mut().zip(&other.tuned) {
+            if own.dof == dof {
+                own.value = tuned.value;
+            }
+        }
+        let new = other.terms.iter().filter(|term| !self.has(term.kind, term.target));
+        let new: Vec<Term> = new.filter(|term| term.target == dof).cloned().collect();
+        self.terms.extend(new);
     }
 
     /// Whether the effect `kind` on `target` is among the terms.

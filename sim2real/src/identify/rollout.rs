@@ -88,6 +88,7 @@ impl<'a> Rollout<'a> {
                 };
                 let known = (LEAD / dt).round() as usize;
                 actuators.recall(d, w, told.effort, known, past);
+                actuators.set_time(d, w, trial.start);
             }
         }
         Self {

@@ -34,17 +34,18 @@ pub struct Moment {
 
 /// Index of the motor's torque among [`names`].
 pub const MOTOR_TORQUE: usize = 3;
-/// So many of [`names`] are known to simulations too.
-const SIMULATED: usize = 4;
+/// So many of [`names`], those of [`Variable::ALL`], are known to simulations too.
+const SIMULATED: usize = Variable::ALL.len();
 
 /// What the torque may depend on, in the order of [`Moment::values`].
 pub fn names(trial: &Trial, dof: usize) -> Vec<String> {
-    let own = ["position", "velocity", "target", "torque", "acceleration", "time"].map(str::to_owned);
+    let own = Variable::ALL.map(|variable| variable.name().to_owned());
+    let own = own.into_iter().chain(["acceleration".to_owned()]);
     let more = trial
         .conditions
         .iter()
         .filter(|(joint, _, _)| joint.is_none_or(|d| d == dof));
-    own.into_iter().chain(more.map(|(_, name, _)| name.clone())).collect()
+    own.chain(more.map(|(_, name, _)| name.clone())).collect()
 }
 
 /// The torque that every joint of `model` lacks in every trial, one list of moments a degree of freedom.
@@ -85,8 +86,8 @@ pub fn lacking(data: &Data, model: &Model, scales: &Scales) -> Result<Vec<Vec<Mo
                             moving,
                             trial.told[d].command[step],
                             motor,
-                            (moving - before[d]) / (EVERY as f64 * DT),
                             trial.start + step as f64 * DT,
+                            (moving - before[d]) / (EVERY as f64 * DT),
                         ];
                         let more = trial
                             .conditions
@@ -175,7 +176,7 @@ pub struct Dependence {
 }
 
 /// Points of a function's grid.
-pub const KNOTS: usize = 12;
+const KNOTS: usize = 12;
 /// Least share of the square that a variable must predict to be named.
 const LEAST: f64 = 0.05;
 /// What simulations know is named before what is only measured (a load, say, that is the motor's torque) where it predicts this
@@ -186,16 +187,6 @@ const NEARLY: f64 = 0.9;
 /// were not fitted to. `fold` gives the fold of a block.
 pub fn dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
     let variables = moments.first().map_or(0, |moment| moment.values.len());
-    dependence_on(variables, moments, fold, folds)
-}
-
-/// The same of the variables that simulations know.
-pub fn simulated_dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
-    dependence_on(SIMULATED, moments, fold, folds)
-}
-
-/// The same of the first `variables`.
-fn dependence_on(variables: usize, moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
     if moments.len() < 200 {
         return Vec::new();
     }
@@ -328,34 +319,25 @@ fn least_squares(knots: usize, data: impl Iterator<Item = ((usize, f64, f64), f6
     right
 }
 
-/// A table with so many `points` of the torque of the moments that are `used` over the leading variable, if simulations know it; over velocity
-/// too where it is friction.
-pub fn table(moments: &[Moment], leading: &Dependence, points: usize, used: &dyn Fn(usize) -> bool) -> Option<Table> {
-    let variable = *[
-        Variable::Position,
-        Variable::Velocity,
-        Variable::Target,
-        Variable::Torque,
-    ]
-    .get(leading.variable)?;
-    let (grid, slow) = (knots(moments, leading.variable, points), slow(moments));
-    if grid.len() < 2 {
-        return None;
-    }
-    let data = moments.iter().filter(|m| used(m.block)).map(|m| {
-        let (i, s) = cell(&grid, m.values[leading.variable]);
-        ((i, s, leading.form.factor(m, slow)), m.torque)
-    });
-    let values = least_squares(grid.len(), data);
-    Some(match leading.form {
-        Form::Plain => Table {
-            axes: vec![(variable, grid)],
-            values,
-        },
-        Form::Friction => Table {
-            axes: vec![(variable, grid), (Variable::Velocity, vec![-slow, slow])],
-            values: values.into_iter().flat_map(|value| [-value, value]).collect(),
-        },
+/// Every variable that simulations know, and every way in which torque can go with it.
+pub fn simulated() -> impl Iterator<Item = (usize, Form)> {
+    let both = (0..SIMULATED).flat_map(|variable| [Form::Plain, Form::Friction].map(|form| (variable, form)));
+    both.filter(|&(variable, form)| (Variable::ALL[variable], form) != (Variable::Velocity, Form::Friction))
+}
+
+/// A table of no torque with at most so many `points` over what the moments have of a variable that simulations know, as a torque or as dry
+/// friction; `None` where it is constant.
+pub fn empty_table(moments: &[Moment], (variable, form): (usize, Form), points: usize) -> Option<Table> {
+    let quantiles = knots(moments, variable, points);
+    let (first, last) = (*quantiles.first()?, *quantiles.last()?);
+    let steps = (quantiles.len() - 1).max(1) as f64;
+    // Half way to equal distances: much can be seldom.
+    let between = |(k, quantile): (usize, &f64)| 0.5 * (quantile + first + (last - first) * k as f64 / steps);
+    let grid: Vec<f64> = quantiles.iter().enumerate().map(between).collect();
+    (grid.len() > 1).then(|| Table {
+        values: vec![0.0; grid.len()],
+        axes: vec![(Variable::ALL[variable], grid)],
+        friction: form == Form::Friction,
     })
 }
 

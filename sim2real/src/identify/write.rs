@@ -26,21 +26,11 @@ pub fn extended(task: &Task<'_>, found: &Found) -> Result<PathBuf, IdentifyError
         None => String::new(),
     };
     text += "\n# Identified from logs.\n";
-    text += &entries(task, &found.last, &found.intervals);
-    text += &entries(task, &tables(&found.left.model), &[]);
+    text += &entries(task, &found.left.model, &found.intervals);
     text += &ranges(task, &found.last, &found.intervals);
     let path = folder.join("robot.toml");
     std::fs::write(&path, text).map_err(failed(&path))?;
     Ok(folder)
-}
-
-/// The tables of `model` alone.
-fn tables(model: &Model) -> Model {
-    let table = |term: &&super::model::Term| term.kind == Kind::ResidualTorque;
-    Model {
-        tuned: Vec::new(),
-        terms: model.terms.iter().filter(table).cloned().collect(),
-    }
 }
 
 /// The intervals of the effects that were found, for training to draw from.
@@ -72,6 +62,7 @@ fn ranges(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
     out
 }
 
+/// The numbers of `model`, with the `intervals` of those that are re-tuned and then of effects; what was re-tuned beside a table has none.
 fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
     let robot = task.robot;
     let mut out = String::new();
@@ -87,7 +78,11 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
             let _ = write!(out, "\n[[joint]]\nmatch = [{:?}]\n", robot.dof(tuned.dof).name);
             last = Some(tuned.dof);
         }
-        let _ = writeln!(out, "{} = {:?}{}", tuned.own.key(), tuned.value, comment());
+        let said = match (comment(), model.has(Kind::ResidualTorque, tuned.dof)) {
+            (_, true) => " # beside the table".to_owned(),
+            (interval, false) => interval,
+        };
+        let _ = writeln!(out, "{} = {:?}{said}", tuned.own.key(), tuned.value);
     }
     for term in &model.terms {
         let info = term.kind.info();
@@ -116,13 +111,16 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
                 }
             }
         }
-        if let Some(table) = &term.table {
+        if let Some(table) = term.effect().table {
             let over: Vec<&str> = table.axes.iter().map(|(variable, _)| variable.name()).collect();
             let _ = writeln!(out, "over = {over:?}");
             for (variable, grid) in &table.axes {
                 let _ = writeln!(out, "{} = {grid:?}", variable.name());
             }
             let _ = writeln!(out, "values = {:?}", table.values);
+            if table.friction {
+                let _ = writeln!(out, "friction = true");
+            }
         }
     }
     out

@@ -78,6 +78,7 @@ fn what_one_joint_lacks_is_not_lost_among_the_others_of_its_arm() {
         table: Some(Table {
             axes: vec![(Variable::Position, vec![-2.0, 0.1, 1.1])],
             values: vec![0.0, 0.0, -0.02],
+            friction: false,
         }),
         ..Effect::new(Kind::ResidualTorque, third, &[])
     };

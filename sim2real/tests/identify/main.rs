@@ -9,7 +9,7 @@ mod walker;
 use std::path::Path;
 
 use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
-use omniwalk_env::robot::Base;
+use omniwalk_env::robot::{Base, Robot};
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use rig::{identify, identify_into, logs, rig};
 
@@ -144,23 +144,48 @@ fn a_heavier_arm_is_named_with_what_it_scales() {
     assert_eq!(named[..3], ["payload", "mass", "kp_scale of hinge"]);
 }
 
-#[test]
-fn a_spring_on_one_side_is_a_curve_and_not_several_effects() {
-    let mut truth = rig(&[]);
-    let table = Table {
-        axes: vec![(Variable::Position, vec![-2.0, 0.1, 1.1])],
-        values: vec![0.0, 0.0, -0.3],
-    };
-    let spring = Effect {
+/// The rig with a table on its joint.
+fn with_table(table: Table) -> Robot {
+    let mut robot = rig(&[]);
+    let effect = Effect {
         table: Some(table),
         ..Effect::new(Kind::ResidualTorque, 0, &[])
     };
-    effect::apply(&mut truth, &spring);
+    effect::apply(&mut robot, &effect);
+    robot
+}
+
+#[test]
+fn a_spring_on_one_side_is_a_curve_and_not_several_effects() {
+    let truth = with_table(Table {
+        axes: vec![(Variable::Position, vec![-2.0, 0.1, 1.1])],
+        values: vec![0.0, 0.0, -0.3],
+        friction: false,
+    });
     let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
     let named = named(&outcome);
     assert_eq!(outcome.verdict, Verdict::Unexplained, "{named:?}");
     assert_eq!(outcome.unexplained.depends_on[0], "position");
     assert!(named.is_empty(), "{named:?}");
+}
+
+#[test]
+fn friction_that_grows_while_a_log_lasts_is_a_table_over_time() {
+    let truth = with_table(Table {
+        axes: vec![(Variable::Time, vec![0.0, 2.0, 6.0])],
+        values: vec![-0.05, 0.1, 0.15],
+        friction: true,
+    });
+    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let named = named(&outcome);
+    assert_eq!(outcome.verdict, Verdict::Unexplained, "{named:?}");
+    assert_eq!(outcome.unexplained.depends_on[0], "time");
+    assert!(named.is_empty(), "{named:?}");
+    let closed = outcome.gap_closed.expect("a gap");
+    assert!(
+        closed > 0.8,
+        "a table of it goes into the robot, and closes {closed} of the gap"
+    );
 }
 
 #[test]

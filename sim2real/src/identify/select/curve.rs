@@ -2,10 +2,9 @@
 
 use omniwalk_env::effect::Kind;
 
-use super::super::fit::total;
-use super::super::leftover;
+use super::super::fit::{Fit, total};
 use super::super::model::joint_of;
-use super::super::torque::{self, Dependence, Form};
+use super::super::torque::{self, Form};
 use super::{Selector, Steps};
 
 /// Effects whose torque on a joint at rest depends on position alone.
@@ -41,9 +40,8 @@ impl Selector<'_> {
                 continue;
             }
             let without = self.known(steps, &base);
-            let before = total(&without.cross);
-            let takes = before - total(&steps.now.cross);
-            if self.table_takes(&without.fit.model, dof, before) >= SAME * takes {
+            let takes = 1.0 - total(&steps.now.cross) / total(&without.cross);
+            if self.position_takes(&without.fit, dof) >= SAME * takes {
                 steps.now = without;
                 undone.extend(curve);
             }
@@ -51,18 +49,12 @@ impl Selector<'_> {
         undone
     }
 
-    /// What a table over position on degree of freedom `dof` takes of the cross-validated loss `before` of `model`.
-    fn table_takes(&self, model: &super::Model, dof: usize, before: f64) -> f64 {
-        let position = Dependence {
-            variable: 0,
-            form: Form::Plain,
-            gain: 0.0,
-        };
-        let Ok(moments) = torque::lacking(self.data, model, self.scales) else {
+    /// The share that a table over position on degree of freedom `dof` takes of the cross-validated loss of `fit`.
+    fn position_takes(&self, fit: &Fit, dof: usize) -> f64 {
+        let Ok(moments) = torque::lacking(self.data, &fit.model, self.scales) else {
             return 0.0;
         };
-        let tables = leftover::tables(self.data, self.folds, model, (dof, &moments[dof]), &[position]);
-        let takes = tables.iter().map(|(_, cross)| before - total(cross));
-        takes.reduce(f64::max).unwrap_or(0.0)
+        let table = self.best_table(fit, dof, &moments[dof], &[(0, Form::Plain)]);
+        table.map_or(0.0, |table| table.share)
     }
 }

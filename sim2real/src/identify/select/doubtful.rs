@@ -2,8 +2,7 @@
 
 use super::super::interval;
 use super::super::model::Term;
-use super::{Rejected, Selection, Selector};
-use crate::identify::cross::Gain;
+use super::{Selection, Selector};
 
 impl Selector<'_> {
     /// Takes out, one by one, the effects of which every size has an interval that holds none, the least certain first: what is wrong with a
@@ -11,18 +10,10 @@ impl Selector<'_> {
     pub fn drop_doubtful(&self, selection: &mut Selection) {
         while let Some(i) = self.least_certain(selection) {
             let mut model = selection.last.model.clone();
-            let term = model.terms.remove(i);
-            selection.last = self.fit(&model).fit;
-            selection.p_values.remove(i);
-            selection.alike.retain(|alike| alike.chosen != (term.kind, term.target));
-            selection.rejected.push(Rejected {
-                kind: term.kind,
-                target: term.target,
-                gain: Gain::NONE,
-                most: 0.0,
-                at_best: None,
-                reason: "its 95 % interval holds no effect at all".to_owned(),
-            });
+            let Term { kind, target, .. } = model.terms.remove(i);
+            let doubted = |term: &Term| (term.kind, term.target) == (kind, target);
+            let without = self.fit(&model).fit;
+            selection.take_out(&doubted, without, "its 95 % interval holds no effect at all");
         }
     }
 

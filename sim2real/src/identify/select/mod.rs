@@ -9,8 +9,10 @@ mod curve;
 mod doubtful;
 mod settle;
 mod step;
+mod tables;
 mod worth;
 
+pub use tables::Tabled;
 pub use worth::is_above;
 
 use omniwalk_env::effect::{Kind, Site};
@@ -92,6 +94,24 @@ impl Selection {
         let own = self.last.model.terms.iter().map(|term| (term.kind, term.target));
         good.map(|r| (r.kind, r.target)).chain(own).collect()
     }
+
+    /// Takes out the effects of which `out` says so, and the sets that they stand for; `without` is the fit to the others.
+    fn take_out(&mut self, out: &dyn Fn(&Term) -> bool, without: Fit, reason: &str) {
+        let terms = std::mem::replace(&mut self.last, without).model.terms;
+        let mut kept = terms.iter().map(|term| !out(term));
+        self.p_values.retain(|_| kept.next().unwrap_or(true));
+        for Term { kind, target, .. } in terms.iter().filter(|term| out(term)) {
+            self.alike.retain(|alike| alike.chosen != (*kind, *target));
+            self.rejected.push(Rejected {
+                kind: *kind,
+                target: *target,
+                gain: Gain::NONE,
+                most: 0.0,
+                at_best: None,
+                reason: reason.to_owned(),
+            });
+        }
+    }
 }
 
 /// What a selection works with.
@@ -104,6 +124,8 @@ pub struct Selector<'a> {
     pub scales: &'a Scales,
     /// Folds of the cross-validation.
     pub folds: &'a Folds,
+    /// Those of tables: logs.
+    pub logs: Folds,
     /// Weighted loss that noise and the integrator leave.
     pub floor: f64,
     /// The same by degree of freedom.
@@ -162,6 +184,7 @@ impl<'a> Selector<'a> {
             data,
             scales,
             folds,
+            logs: folds.of_logs(data),
             floor: floors.iter().sum(),
             floors,
             negligible: floor.negligible_squares(data),
@@ -180,16 +203,43 @@ impl<'a> Selector<'a> {
     /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
     /// one of `count` such tests; the joint's other numbers are fitted with and without.
     pub fn retuning_helps(&self, fit: &Fit, dof: usize, own: &[Own], count: usize) -> bool {
-        let mut with = fit.model.clone();
-        with.hold_others(self.robot, Some(dof));
-        let mut without = with.clone();
-        let straight = without
+        let judge = |nominal: &[Own]| {
+            self.judge(
+                self.data
+                    .fit(&self.of_joint(&fit.model, dof, nominal), self.scales, &|_| true),
+            )
+        };
+        let (with, without) = (judge(&[]), judge(own));
+        self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
+    }
+
+    /// Whether the effect `kind` on `target` does what re-tuning `own` of degree of freedom `dof` does: beside their nominal values it
+    /// predicts no worse. The joint's other numbers are fitted with both.
+    pub fn stands_for(&self, fit: &Fit, dof: usize, own: &[Own], (kind, target): (Kind, usize)) -> bool {
+        let nominal = self.of_joint(&fit.model, dof, own);
+        let with = |term: Term| {
+            let mut model = nominal.clone();
+            model.put(term);
+            model
+        };
+        let effects = candidates::each(kind, target, self.robot, self.scales, &[]);
+        let starts: Vec<Model> = effects.into_iter().flat_map(|effect| effect.starts).map(with).collect();
+        let effect = candidates::promising(self.data, starts, self.scales);
+        let [effect, tuned] = [effect, self.of_joint(&fit.model, dof, &[])]
+            .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
+        !self.apart(&effect.cross, &tuned.cross)
+    }
+
+    /// `model` with all held but what it has on degree of freedom `dof`, of which `nominal` are held at their nominal values.
+    fn of_joint(&self, model: &Model, dof: usize, nominal: &[Own]) -> Model {
+        let mut model = model.clone();
+        model.hold_others(self.robot, Some(dof));
+        let straight = model
             .tuned
             .iter_mut()
-            .filter(|tuned| tuned.dof == dof && own.contains(&tuned.own));
+            .filter(|tuned| tuned.dof == dof && nominal.contains(&tuned.own));
         straight.for_each(|tuned| (tuned.value, tuned.held) = (tuned.nominal, true));
-        let [with, without] = [with, without].map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
-        self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
+        model
     }
 
     fn judge(&self, fit: Fit) -> Judged {

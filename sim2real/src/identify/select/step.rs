@@ -107,13 +107,16 @@ impl Selector<'_> {
         };
         let new: Vec<&Candidate> = candidates.iter().filter(|c| known(steps, c).is_none()).collect();
         let on: Vec<_> = new.iter().map(|candidate| (&now.fit.model, *candidate)).collect();
-        let before = total(&self.data.rough().losses(std::slice::from_ref(&now.fit.model))[0]);
-        let share = |loss: f64| 1.0 - loss / before;
-        let results = self.try_on(&on).into_iter().map(|result| result.map_err(share));
-        let keys = new.iter().map(|candidate| candidate.key());
-        steps
-            .tried
-            .extend(keys.zip(results).map(|(key, result)| (beside.clone(), key, result)));
+        if !on.is_empty() {
+            let before = total(&self.data.rough().losses(std::slice::from_ref(&now.fit.model))[0]);
+            let share = |loss: f64| 1.0 - loss / before;
+            let results = self.try_on(&on).into_iter().map(|result| result.map_err(share));
+            let results = new
+                .iter()
+                .zip(results)
+                .map(|(c, result)| (beside.clone(), c.key(), result));
+            steps.tried.extend(results);
+        }
         let mut tried = Tried::default();
         for candidate in candidates {
             match known(steps, &candidate) {
@@ -147,7 +150,10 @@ impl Selector<'_> {
         let last = last.min(BEHIND * least(&attempts));
         let judge = |attempt: Attempt| {
             let loss = attempt.loss();
-            let near = attempt.fit().filter(|_| loss <= last).ok_or(loss)?;
+            if loss > last {
+                return Err(loss);
+            }
+            let near = attempt.fit();
             let fine = self.data.finer > 1;
             let fit = if fine {
                 self.data.fit(&near.model, self.scales, &|_| true)

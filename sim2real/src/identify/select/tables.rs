@@ -1,0 +1,155 @@
+//! A measured table of what a joint lacks, fitted in rollouts: what stands in for an effect that no library has.
+
+use omniwalk_env::effect::{Kind, Table, Variable};
+use rayon::prelude::*;
+
+use super::super::cross::Folds;
+use super::super::descent::Descent;
+use super::super::fit::{Fit, Loss, total};
+use super::super::model::{Model, Term, joint_of};
+use super::super::torque::{self, Form, Moment};
+use super::{Selection, Selector};
+
+/// Points of a table: with the numbers of a joint that are re-tuned they fill the lanes.
+const POINTS: usize = 9;
+/// Points of a finer one of what repeats within the range: so many times more.
+const FINER: usize = 4;
+/// Iterations at a rough physics step after which tables over different variables are compared.
+const FIRST: usize = 4;
+/// The best of them that are finished.
+const FINISHED: usize = 3;
+/// Share of the loss below which an iteration takes too little to go on.
+const NEAR: f64 = 2e-3;
+/// Least fall of the cross-validated loss by a table.
+const WORTH: f64 = 0.05;
+/// Probability by chance of the best table's gain.
+const CHANCE: f64 = 0.05;
+
+/// A table that was fitted beside a model, with what is re-tuned of its joint.
+pub struct Tabled {
+    /// What it is over.
+    pub over: Over,
+    /// Share of the cross-validated loss that it takes.
+    pub share: f64,
+    /// The model with it.
+    pub model: Model,
+    cross: Vec<Loss>,
+}
+
+/// What a table is over: a variable's index among [`torque::names`], and how the torque goes with it.
+pub type Over = (usize, Form);
+
+impl Selector<'_> {
+    /// The best table beside the model of `fit` of what degree of freedom `dof` lacks over one of the variables that simulations know, if it
+    /// predicts better than none beyond chance.
+    pub fn table(&self, fit: &Fit, dof: usize, moments: &[Moment]) -> Option<Tabled> {
+        let all: Vec<Over> = torque::simulated().collect();
+        let best = self.best_table(fit, dof, moments, &all)?;
+        let folds = self.folds_of(best.over);
+        let gain = folds.gain(&folds.cross(self.data, fit, self.scales), &best.cross);
+        (gain.share >= WORTH && gain.p * all.len() as f64 <= CHANCE).then_some(best)
+    }
+
+    /// What goes with the time since the start of a log is in all of them at the same time: whole logs tell it.
+    fn folds_of(&self, (variable, _): Over) -> &Folds {
+        let over_time = Variable::ALL.get(variable) == Some(&Variable::Time);
+        if over_time { &self.logs } else { self.folds }
+    }
+
+    /// The best of the tables over `variables` beside the model of `fit`.
+    pub(super) fn best_table(&self, fit: &Fit, dof: usize, moments: &[Moment], variables: &[Over]) -> Option<Tabled> {
+        let rough = self.data.rough();
+        let begin = |over: &Over| {
+            let table = torque::empty_table(moments, *over, POINTS)?;
+            let model = self.with_table(&fit.model, dof, table);
+            let mut way = Descent::new(&rough, &model, self.scales);
+            way.advance((&rough, self.scales), &|_| true, FIRST, NEAR);
+            Some((*over, way))
+        };
+        let mut ways: Vec<(Over, Descent)> = variables.par_iter().filter_map(begin).collect();
+        ways.sort_by(|(_, a), (_, b)| a.loss().total_cmp(&b.loss()));
+        ways.truncate(FINISHED);
+        let finished = ways
+            .into_par_iter()
+            .map(|(over, way)| self.finished(&way.fit.model, over, fit));
+        let best = finished
+            .collect::<Vec<_>>()
+            .into_iter()
+            .max_by(|a, b| a.share.total_cmp(&b.share))?;
+        let fine = self.finer_table(&best, moments, fit);
+        let better = fine.filter(|fine| total(&fine.cross) < (1.0 - WORTH) * total(&best.cross));
+        let mut table = better.unwrap_or(best);
+        table.model.hold_others(self.robot, None);
+        Some(table)
+    }
+
+    /// `model`, which has a table, fitted and compared with what the model of `fit` predicts.
+    fn finished(&self, model: &Model, over: Over, fit: &Fit) -> Tabled {
+        let folds = self.folds_of(over);
+        let own = self.data.fit(model, self.scales, &|_| true);
+        let cross = folds.cross(self.data, &own, self.scales);
+        Tabled {
+            over,
+            share: 1.0 - total(&cross) / total(&folds.cross(self.data, fit, self.scales)),
+            model: own.model,
+            cross,
+        }
+    }
+
+    /// The same table with more points.
+    fn finer_table(&self, coarse: &Tabled, moments: &[Moment], fit: &Fit) -> Option<Tabled> {
+        let mut model = coarse.model.clone();
+        let term = model.terms.last_mut()?;
+        let (before, mut table) = (
+            term.effect().table?,
+            torque::empty_table(moments, coarse.over, FINER * POINTS)?,
+        );
+        let (_, grid) = &table.axes[0];
+        term.values = grid.iter().map(|&x| before.torque(|_| x)).collect();
+        term.free = (0..term.values.len()).collect();
+        table.values.clone_from(&term.values);
+        term.table = Some(table);
+        Some(self.finished(&model, coarse.over, fit))
+    }
+
+    /// `model` with `table` on degree of freedom `dof`, its other joints and all effects held.
+    fn with_table(&self, model: &Model, dof: usize, table: Table) -> Model {
+        let mut model = model.clone();
+        model.hold_others(self.robot, Some(dof));
+        model.terms.iter_mut().for_each(|term| term.held = true);
+        model.terms.push(Term {
+            kind: Kind::ResidualTorque,
+            target: dof,
+            free: (0..table.values.len()).collect(),
+            values: table.values.clone(),
+            table: Some(table),
+            held: false,
+        });
+        model
+    }
+
+    /// Takes out the effects of each joint of which much is left (`open`) where they predict no better than a table without them: what no
+    /// library has looks like this and that of it, and a wrong name is worse than none.
+    pub fn prefer_tables(&self, selection: &mut Selection, open: &dyn Fn(&Selection) -> Vec<usize>) {
+        for dof in open(selection) {
+            let on_joint = |term: &Term| joint_of(self.robot, term.kind.info().site, term.target) == Some(dof);
+            let mut base = selection.last.model.clone();
+            base.terms.retain(|term| !on_joint(term));
+            if base.terms.len() == selection.last.model.terms.len() {
+                continue;
+            }
+            let without = self.fit(&base).fit;
+            let Ok(moments) = torque::lacking(self.data, &without.model, self.scales) else {
+                continue;
+            };
+            let all: Vec<Over> = torque::simulated().collect();
+            let table = self.best_table(&without, dof, &moments[dof], &all);
+            let predicted = |table: &Tabled| self.folds_of(table.over).cross(self.data, &selection.last, self.scales);
+            if let Some(table) = table.filter(|table| !self.apart(&table.cross, &predicted(table))) {
+                let over = torque::names(&self.data.trials[0], dof).swap_remove(table.over.0);
+                let reason = format!("a measured table over {over} predicts no worse");
+                selection.take_out(&on_joint, without, &reason);
+            }
+        }
+    }
+}
