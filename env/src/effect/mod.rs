@@ -58,4 +58,12 @@ impl Effect {
             table: None,
         }
     }
+
+    /// What a measured `table` gives on degree of freedom `target` ([`Kind::ResidualTorque`]).
+    pub fn of_table(target: usize, table: Table) -> Self {
+        Self {
+            table: Some(table),
+            ..Self::new(Kind::ResidualTorque, target, &[])
+        }
+    }
 }

@@ -150,11 +150,7 @@ fn friction_under_load_grows_with_the_load_and_is_more_at_rest() {
 /// The rig with a table on its joint.
 fn with_table(table: Table) -> Robot {
     let mut robot = rig(&[]);
-    let effect = Effect {
-        table: Some(table),
-        ..Effect::new(Kind::ResidualTorque, 0, &[])
-    };
-    effect::apply(&mut robot, &effect);
+    effect::apply(&mut robot, &Effect::of_table(0, table));
     robot
 }
 

@@ -207,10 +207,6 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
 
 /// Multiples of a single number's starts (of their distance from what does nothing) that are tried.
 const LADDER: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
-/// Iterations after which ways that are hopeless are seen.
-const FIRST: usize = 4;
-/// Share of the loss below which an iteration takes too little to go on: a tenth of what makes an effect worth having.
-const NEAR: f64 = 2e-3;
 /// A way with so many times the least loss of all candidates' is hopeless, if it is slow.
 const HOPELESS: f64 = 3.0;
 /// Share of the loss that the last iteration of a slow way took.
@@ -241,9 +237,7 @@ impl Attempt {
         };
         let way = |straight: bool| {
             let starts = candidate.starts.iter().map(|term| with(term, straight)).collect();
-            let mut way = Descent::new(data, &promising(data, starts, scales), scales);
-            way.advance((data, scales), &|_| true, FIRST, NEAR);
-            way
+            Descent::begun(data, &promising(data, starts, scales), scales)
         };
         Self {
             ways: [false, true].map(way),
@@ -259,7 +253,7 @@ impl Attempt {
     pub fn go_on(&mut self, data: &Data, scales: &Scales, best: f64) {
         let hopeful = |way: &&mut Descent| way.fell > SLOW || way.loss() <= HOPELESS * best;
         for way in self.ways.iter_mut().filter(hopeful) {
-            way.advance((data, scales), &|_| true, usize::MAX, NEAR);
+            way.go_on(data, scales);
         }
     }
 

@@ -10,6 +10,10 @@ use super::scales::Scales;
 const ITERATIONS: usize = 10;
 /// Relative fall of the loss below which a fit has converged.
 const CONVERGED: f64 = 5e-4;
+/// Iterations after which ways that are hopeless are seen.
+const FIRST: usize = 4;
+/// Share of the loss below which an iteration of one way among many takes too little to go on: a tenth of what makes an effect worth having.
+const NEAR: f64 = 2e-3;
 /// Damping beyond which nothing moves.
 const STRONGEST: f64 = 1e8;
 /// Strengths of damping that are tried side by side, which costs no more than one.
@@ -40,19 +44,25 @@ impl Descent {
         }
     }
 
+    /// The same after the first iterations, which show whether the way is hopeless.
+    pub fn begun(data: &Data, model: &Model, scales: &Scales) -> Self {
+        let mut descent = Self::new(data, model, scales);
+        descent.advance((data, scales), &|_| true, FIRST, NEAR);
+        descent
+    }
+
+    /// Goes on to where one way among many may end.
+    pub fn go_on(&mut self, data: &Data, scales: &Scales) {
+        self.advance((data, scales), &|_| true, ITERATIONS, NEAR);
+    }
+
     /// The loss, over all blocks.
     pub fn loss(&self) -> f64 {
         total(&self.fit.losses)
     }
 
     /// Does at most `most` iterations over the blocks that `used` names, until one takes less than the share `little` of the loss.
-    pub fn advance(
-        &mut self,
-        (data, scales): (&Data, &Scales),
-        used: &dyn Fn(usize) -> bool,
-        most: usize,
-        little: f64,
-    ) {
+    fn advance(&mut self, (data, scales): (&Data, &Scales), used: &dyn Fn(usize) -> bool, most: usize, little: f64) {
         for _ in 0..most.min(self.left) {
             let moved = self.iterate(data, scales, used);
             self.left -= 1;

@@ -264,7 +264,7 @@ fn lead(depends_on: &mut Vec<Dependence>, table: &Tabled) {
     depends_on.push(Dependence {
         variable,
         form,
-        gain: table.share,
+        gain: table.share(),
     });
     depends_on.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     depends_on.truncate(NAMED);

@@ -74,15 +74,12 @@ fn what_one_joint_lacks_is_not_lost_among_the_others_of_its_arm() {
     let nominal = load(files);
     let third = (0..3).find(|&d| nominal.dof(d).name == "third").expect("a joint");
     let mut truth = nominal.clone();
-    let spring = Effect {
-        table: Some(Table {
-            axes: vec![(Variable::Position, vec![-2.0, 0.1, 1.1])],
-            values: vec![0.0, 0.0, -0.02],
-            friction: false,
-        }),
-        ..Effect::new(Kind::ResidualTorque, third, &[])
+    let spring = Table {
+        axes: vec![(Variable::Position, vec![-2.0, 0.1, 1.1])],
+        values: vec![0.0, 0.0, -0.02],
+        friction: false,
     };
-    effect::apply(&mut truth, &spring);
+    effect::apply(&mut truth, &Effect::of_table(third, spring));
     let folder = tempfile::tempdir().expect("a folder");
     let outcome = identify_files(
         folder.path(),

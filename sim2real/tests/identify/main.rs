@@ -147,11 +147,7 @@ fn a_heavier_arm_is_named_with_what_it_scales() {
 /// The rig with a table on its joint.
 fn with_table(table: Table) -> Robot {
     let mut robot = rig(&[]);
-    let effect = Effect {
-        table: Some(table),
-        ..Effect::new(Kind::ResidualTorque, 0, &[])
-    };
-    effect::apply(&mut robot, &effect);
+    effect::apply(&mut robot, &Effect::of_table(0, table));
     robot
 }
 

@@ -55,6 +55,6 @@ impl Selector<'_> {
             return 0.0;
         };
         let table = self.best_table(fit, dof, &moments[dof], &[(0, Form::Plain)]);
-        table.map_or(0.0, |table| table.share)
+        table.map_or(0.0, |table| table.share())
     }
 }

@@ -1,5 +1,7 @@
 //! A measured table of what a joint lacks, fitted in rollouts: what stands in for an effect that no library has.
 
+use std::collections::BTreeMap;
+
 use omniwalk_env::effect::{Kind, Table, Variable};
 use rayon::prelude::*;
 
@@ -14,12 +16,8 @@ use super::{Selection, Selector};
 const POINTS: usize = 9;
 /// Points of a finer one of what repeats within the range: so many times more.
 const FINER: usize = 4;
-/// Iterations at a rough physics step after which tables over different variables are compared.
-const FIRST: usize = 4;
-/// The best of them that are finished.
+/// Tables over different variables are compared when they were begun at a rough physics step; so many are finished.
 const FINISHED: usize = 3;
-/// Share of the loss below which an iteration takes too little to go on.
-const NEAR: f64 = 2e-3;
 /// Least fall of the cross-validated loss by a table.
 const WORTH: f64 = 0.05;
 /// Probability by chance of the best table's gain.
@@ -29,15 +27,26 @@ const CHANCE: f64 = 0.05;
 pub struct Tabled {
     /// What it is over.
     pub over: Over,
-    /// Share of the cross-validated loss that it takes.
-    pub share: f64,
     /// The model with it.
     pub model: Model,
     cross: Vec<Loss>,
+    /// The cross-validated loss of the model that it was fitted beside.
+    before: Vec<Loss>,
+}
+
+impl Tabled {
+    /// Share of the cross-validated loss that it takes.
+    pub fn share(&self) -> f64 {
+        1.0 - total(&self.cross) / total(&self.before)
+    }
 }
 
 /// What a table is over: a variable's index among [`torque::names`], and how the torque goes with it.
 pub type Over = (usize, Form);
+
+fn is_over_time((variable, _): Over) -> bool {
+    Variable::ALL.get(variable) == Some(&Variable::Time)
+}
 
 impl Selector<'_> {
     /// The best table beside the model of `fit` of what degree of freedom `dof` lacks over one of the variables that simulations know, if it
@@ -45,15 +54,13 @@ impl Selector<'_> {
     pub fn table(&self, fit: &Fit, dof: usize, moments: &[Moment]) -> Option<Tabled> {
         let all: Vec<Over> = torque::simulated().collect();
         let best = self.best_table(fit, dof, moments, &all)?;
-        let folds = self.folds_of(best.over);
-        let gain = folds.gain(&folds.cross(self.data, fit, self.scales), &best.cross);
+        let gain = self.folds_of(best.over).gain(&best.before, &best.cross);
         (gain.share >= WORTH && gain.p * all.len() as f64 <= CHANCE).then_some(best)
     }
 
     /// What goes with the time since the start of a log is in all of them at the same time: whole logs tell it.
-    fn folds_of(&self, (variable, _): Over) -> &Folds {
-        let over_time = Variable::ALL.get(variable) == Some(&Variable::Time);
-        if over_time { &self.logs } else { self.folds }
+    fn folds_of(&self, over: Over) -> &Folds {
+        if is_over_time(over) { &self.logs } else { self.folds }
     }
 
     /// The best of the tables over `variables` beside the model of `fit`.
@@ -62,42 +69,37 @@ impl Selector<'_> {
         let begin = |over: &Over| {
             let table = torque::empty_table(moments, *over, POINTS)?;
             let model = self.with_table(&fit.model, dof, table);
-            let mut way = Descent::new(&rough, &model, self.scales);
-            way.advance((&rough, self.scales), &|_| true, FIRST, NEAR);
-            Some((*over, way))
+            Some((*over, Descent::begun(&rough, &model, self.scales)))
         };
         let mut ways: Vec<(Over, Descent)> = variables.par_iter().filter_map(begin).collect();
         ways.sort_by(|(_, a), (_, b)| a.loss().total_cmp(&b.loss()));
         ways.truncate(FINISHED);
-        let finished = ways
-            .into_par_iter()
-            .map(|(over, way)| self.finished(&way.fit.model, over, fit));
-        let best = finished
-            .collect::<Vec<_>>()
-            .into_iter()
-            .max_by(|a, b| a.share.total_cmp(&b.share))?;
-        let fine = self.finer_table(&best, moments, fit);
+        let kinds: BTreeMap<bool, Over> = ways.iter().map(|(over, _)| (is_over_time(*over), *over)).collect();
+        let cross = |over: Over| self.folds_of(over).cross(self.data, fit, self.scales);
+        let before: BTreeMap<bool, Vec<Loss>> = kinds.into_iter().map(|(kind, over)| (kind, cross(over))).collect();
+        let finish = |(over, way): (Over, Descent)| self.finished(&way.fit.model, over, &before[&is_over_time(over)]);
+        let finished: Vec<Tabled> = ways.into_par_iter().map(finish).collect();
+        let best = finished.into_iter().max_by(|a, b| a.share().total_cmp(&b.share()))?;
+        let fine = self.finer_table(&best, moments);
         let better = fine.filter(|fine| total(&fine.cross) < (1.0 - WORTH) * total(&best.cross));
         let mut table = better.unwrap_or(best);
         table.model.hold_others(self.robot, None);
         Some(table)
     }
 
-    /// `model`, which has a table, fitted and compared with what the model of `fit` predicts.
-    fn finished(&self, model: &Model, over: Over, fit: &Fit) -> Tabled {
-        let folds = self.folds_of(over);
+    /// `model`, which has a table, fitted; without it the loss is `before`.
+    fn finished(&self, model: &Model, over: Over, before: &[Loss]) -> Tabled {
         let own = self.data.fit(model, self.scales, &|_| true);
-        let cross = folds.cross(self.data, &own, self.scales);
         Tabled {
             over,
-            share: 1.0 - total(&cross) / total(&folds.cross(self.data, fit, self.scales)),
+            cross: self.folds_of(over).cross(self.data, &own, self.scales),
             model: own.model,
-            cross,
+            before: before.to_vec(),
         }
     }
 
     /// The same table with more points.
-    fn finer_table(&self, coarse: &Tabled, moments: &[Moment], fit: &Fit) -> Option<Tabled> {
+    fn finer_table(&self, coarse: &Tabled, moments: &[Moment]) -> Option<Tabled> {
         let mut model = coarse.model.clone();
         let term = model.terms.last_mut()?;
         let (before, mut table) = (
@@ -109,7 +111,7 @@ impl Selector<'_> {
         term.free = (0..term.values.len()).collect();
         table.values.clone_from(&term.values);
         term.table = Some(table);
-        Some(self.finished(&model, coarse.over, fit))
+        Some(self.finished(&model, coarse.over, &coarse.before))
     }
 
     /// `model` with `table` on degree of freedom `dof`, its other joints and all effects held.
