@@ -231,7 +231,7 @@ impl Attempt {
             model.put(term.clone());
             model.hold_others(robot, joint);
             if straight {
-                model.straighten(joint);
+                model.straighten();
             }
             model
         };

@@ -147,19 +147,6 @@ impl Data {
         starts::fit(trials, &robots, &noise, self.finer)
     }
 
-    /// The same at a physics step of a millisecond: fits that begin far off get near by it, where it is not the step they end with.
-    pub fn rough(&self) -> Self {
-        Self {
-            finer: 1,
-            ..self.clone()
-        }
-    }
-
-    /// Whether the base is not held.
-    pub fn is_free(&self) -> bool {
-        self.trials.iter().any(|trial| trial.base.is_some())
-    }
-
     /// Predictions of all `models` for every trial.
     pub fn predict(&self, models: &[Model]) -> Predictions {
         let tasks: Vec<(usize, &[Model])> = (0..self.trials.len())

@@ -35,6 +35,7 @@ mod outcome;
 mod own;
 mod report;
 mod rollout;
+mod rough;
 mod scales;
 mod screen;
 mod select;

@@ -241,13 +241,22 @@ impl Model {
         }
     }
 
-    /// Sets what is re-tuned back to its nominal value, on degree of freedom `dof` or everywhere.
-    pub fn straighten(&mut self, dof: Option<usize>) {
-        let own = |tuned: &&mut Tuned| dof.is_none_or(|dof| dof == tuned.dof);
-        self.tuned
-            .iter_mut()
-            .filter(own)
-            .for_each(|tuned| tuned.value = tuned.nominal);
+    /// Holds what is re-tuned on joints without an effect.
+    pub fn hold_plain(&mut self, robot: &Robot) {
+        let with: Vec<Option<usize>> = self
+            .terms
+            .iter()
+            .map(|term| joint_of(robot, term.kind.info().site, term.target))
+            .collect();
+        for tuned in &mut self.tuned {
+            tuned.held = !with.contains(&Some(tuned.dof));
+        }
+    }
+
+    /// Sets what is re-tuned and not held back to its nominal value.
+    pub fn straighten(&mut self) {
+        let own = self.tuned.iter_mut().filter(|tuned| !tuned.held);
+        own.for_each(|tuned| tuned.value = tuned.nominal);
     }
 
     /// The effect `kind` on `target`, if it is among the terms.

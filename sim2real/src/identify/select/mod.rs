@@ -7,6 +7,7 @@
 
 mod curve;
 mod doubtful;
+mod fits;
 mod settle;
 mod step;
 mod tables;
@@ -24,7 +25,6 @@ use super::fit::{Data, Fit, Loss, total};
 use super::floor::Floor;
 use super::leftover::{self, TOO_COARSE};
 use super::model::{Model, Term};
-use super::own::Own;
 use super::scales::Scales;
 use super::screen;
 use step::Stage;
@@ -51,7 +51,7 @@ pub struct Rejected {
     pub gain: Gain,
     /// Largest share of the loss it took in any step.
     pub most: f64,
-    /// Share of the loss it would take to first order or at a rough physics step, where that was too little for a fit to the end in the
+    /// Share of the loss it would take to first order or of rough data, where that was too little for a fit to the end in the
     /// last step.
     pub at_best: Option<f64>,
     /// Why not.
@@ -200,71 +200,6 @@ impl<'a> Selector<'a> {
         self.data.finer == 1 && !self.data.is_free() && coarse()
     }
 
-    /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
-    /// one of `count` such tests; the joint's other numbers are fitted with and without.
-    pub fn retuning_helps(&self, fit: &Fit, dof: usize, own: &[Own], count: usize) -> bool {
-        let judge = |nominal: &[Own]| {
-            self.judge(
-                self.data
-                    .fit(&self.of_joint(&fit.model, dof, nominal), self.scales, &|_| true),
-            )
-        };
-        let (with, without) = (judge(&[]), judge(own));
-        self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
-    }
-
-    /// Whether the effect `kind` on `target` does what re-tuning `own` of degree of freedom `dof` does: beside their nominal values it
-    /// predicts no worse. The joint's other numbers are fitted with both.
-    pub fn stands_for(&self, fit: &Fit, dof: usize, own: &[Own], (kind, target): (Kind, usize)) -> bool {
-        let nominal = self.of_joint(&fit.model, dof, own);
-        let with = |term: Term| {
-            let mut model = nominal.clone();
-            model.put(term);
-            model
-        };
-        let effects = candidates::each(kind, target, self.robot, self.scales, &[]);
-        let starts: Vec<Model> = effects.into_iter().flat_map(|effect| effect.starts).map(with).collect();
-        let effect = candidates::promising(self.data, starts, self.scales);
-        let [effect, tuned] = [effect, self.of_joint(&fit.model, dof, &[])]
-            .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
-        !self.apart(&effect.cross, &tuned.cross)
-    }
-
-    /// `model` with all held but what it has on degree of freedom `dof`, of which `nominal` are held at their nominal values.
-    fn of_joint(&self, model: &Model, dof: usize, nominal: &[Own]) -> Model {
-        let mut model = model.clone();
-        model.hold_others(self.robot, Some(dof));
-        let straight = model
-            .tuned
-            .iter_mut()
-            .filter(|tuned| tuned.dof == dof && nominal.contains(&tuned.own));
-        straight.for_each(|tuned| (tuned.value, tuned.held) = (tuned.nominal, true));
-        model
-    }
-
-    fn judge(&self, fit: Fit) -> Judged {
-        let cross = self.folds.cross(self.data, &fit, self.scales);
-        Judged { fit, cross }
-    }
-
-    /// Fits all of `model`, from its values and from the nominal ones of what is re-tuned: what bent to make up for an effect
-    /// that was missing need not find its way back.
-    fn fit(&self, model: &Model) -> Judged {
-        let mut model = model.clone();
-        model.hold_others(self.robot, None);
-        let judged = self.judge(self.data.fit(&model, self.scales, &|_| true));
-        if model.terms.is_empty() {
-            return judged;
-        }
-        model.straighten(None);
-        let again = self.judge(self.data.fit(&model, self.scales, &|_| true));
-        if total(&again.fit.losses) < total(&judged.fit.losses) {
-            again
-        } else {
-            judged
-        }
-    }
-
     /// Runs all steps from the re-tuned `nominal` with the effects of `first`; `log` hears of progress.
     pub fn run(&self, nominal: &Model, first: &[Term], log: &dyn Fn(&str)) -> Selection {
         let refit = self.fit(nominal);
@@ -279,7 +214,7 @@ impl<'a> Selector<'a> {
         if !first.is_empty() {
             let mut model = refit.fit.model.clone();
             model.terms.extend_from_slice(first);
-            steps.now = self.fit(&model);
+            steps.now = self.fit_near(&model);
             self.drop_needless(&mut steps);
             self.refine(&mut steps);
         }
@@ -310,6 +245,9 @@ impl<'a> Selector<'a> {
         let curves = self.undo_curves(&mut steps);
         let alike = self.exchange(&mut steps);
         let p_values = self.p_values(&mut steps);
+        if self.data.is_free() && !steps.now.fit.model.terms.is_empty() {
+            steps.now = self.fit(&steps.now.fit.model);
+        }
         let most_taken = steps.rejected.iter().map(|r| r.most).fold(0.0, f64::max);
         let tried = steps.most * self.limbs;
         let Steps { now, mut rejected, .. } = steps;
@@ -356,7 +294,9 @@ impl<'a> Selector<'a> {
         if self.robot.dofs.len() == 1 || candidates.len() <= FITTED {
             return (candidates, Vec::new());
         }
-        let shares = screen::shares(self.robot, self.data, model, &candidates, self.scales);
+        let rough = self.data.is_free().then(|| self.data.rough());
+        let data = rough.as_ref().unwrap_or(self.data);
+        let shares = screen::shares(self.robot, data, model, &candidates, self.scales);
         let mut order: Vec<usize> = (0..shares.len()).collect();
         order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
         let mut fitted = vec![false; shares.len()];
@@ -393,23 +333,6 @@ impl<'a> Selector<'a> {
             }
         }
         self.data.fit(&model, self.scales, &|_| true).model
-    }
-
-    /// The fit with the terms of `model`, which may be known already: from where it was fitted first, which may be a lesser
-    /// minimum than the values of `model` lead to.
-    fn known(&self, steps: &mut Steps, model: &Model) -> Judged {
-        let own = terms(model);
-        let Some(place) = steps.known.iter().position(|(terms, _)| *terms == own) else {
-            let judged = self.fit(model);
-            steps.known.push((own, judged.clone()));
-            return judged;
-        };
-        let known = &mut steps.known[place].1;
-        let here = total(&self.data.losses(std::slice::from_ref(model))[0]);
-        if here < (1.0 - LESSER) * total(&known.fit.losses) {
-            *known = self.fit(model);
-        }
-        known.clone()
     }
 }
 

@@ -67,7 +67,7 @@ impl Selector<'_> {
                 // The exchanged term stands last; terms are visited by place, so it takes the old one's.
                 let mut model = better.fit.model.clone();
                 model.terms[i..].rotate_right(1);
-                steps.now = self.fit(&model);
+                steps.now = self.fit_near(&model);
                 term = model.terms[i].clone();
             }
             let mut others: Vec<(Kind, usize)> = Vec::new();

@@ -10,9 +10,9 @@ use super::super::model::Model;
 use super::worth::WORTH;
 use super::{Judged, PAIRED, Rejected, Selector, Steps, Terms, size, terms};
 
-/// Candidates that are finished at a fine physics step.
+/// Candidates that are finished where fits are dear.
 const FINISHED: usize = 6;
-/// A candidate that leaves so many times the loss of the best one at a rough physics step is not looked at further.
+/// A candidate that leaves so many times the loss of the best one of rough data is not looked at further.
 const BEHIND: f64 = 2.0;
 
 /// What was tried beside a model.
@@ -21,7 +21,7 @@ pub(super) struct Tried {
     pub(super) candidates: Vec<Candidate>,
     /// One a candidate.
     pub(super) judged: Vec<Judged>,
-    /// Those that were left on the way, with the share of the loss they take at a rough physics step.
+    /// Those that were left on the way, with the share of the loss they take of rough data.
     pub(super) left: Vec<(Candidate, f64)>,
 }
 
@@ -75,7 +75,7 @@ impl Selector<'_> {
             new.filter(|own| !now.fit.model.has(own.0, own.1))
                 .map(|own| (own, count)),
         );
-        steps.now = self.fit(&next.fit.model);
+        steps.now = self.fit_near(&next.fit.model);
         steps.known.push((terms(&steps.now.fit.model), steps.now.clone()));
         self.drop_needless(steps);
         self.refine(steps);
@@ -93,7 +93,7 @@ impl Selector<'_> {
             let Some(best) = self.best(&now, &tried.judged, count) else {
                 return;
             };
-            steps.now = self.fit(&best.fit.model);
+            steps.now = self.fit_near(&best.fit.model);
             steps.known.push((terms(&steps.now.fit.model), steps.now.clone()));
         }
     }
@@ -131,8 +131,8 @@ impl Selector<'_> {
         tried
     }
 
-    /// The candidates, each beside its own model of `on`, judged; or the losses of those that are far from the best at a rough step, and,
-    /// where the step is fine and fits are dear, those of all but the best [`FINISHED`].
+    /// The candidates, each beside its own model of `on`, judged; or the losses of those that are far from the best of rough data, and,
+    /// where fits are dear, those of all but the best [`FINISHED`].
     fn try_on(&self, on: &[(&Model, &Candidate)]) -> Vec<Result<Judged, f64>> {
         let rough = self.data.rough();
         let begin = |(model, candidate): &(&Model, &Candidate)| {
@@ -145,7 +145,8 @@ impl Selector<'_> {
             .for_each(|attempt| attempt.go_on(&rough, self.scales, best));
         let mut order: Vec<f64> = attempts.iter().map(Attempt::loss).collect();
         order.sort_by(f64::total_cmp);
-        let most = if self.data.finer == 1 { on.len() } else { FINISHED };
+        let dear = self.data.is_dear();
+        let most = if dear { FINISHED } else { on.len() };
         let last = order.get(most.wrapping_sub(1)).copied().unwrap_or(f64::INFINITY);
         let last = last.min(BEHIND * least(&attempts));
         let judge = |attempt: Attempt| {
@@ -154,8 +155,7 @@ impl Selector<'_> {
                 return Err(loss);
             }
             let near = attempt.fit();
-            let fine = self.data.finer > 1;
-            let fit = if fine {
+            let fit = if dear {
                 self.data.fit(&near.model, self.scales, &|_| true)
             } else {
                 near

@@ -16,7 +16,7 @@ use super::{Selection, Selector};
 const POINTS: usize = 9;
 /// Points of a finer one of what repeats within the range: so many times more.
 const FINER: usize = 4;
-/// Tables over different variables are compared when they were begun at a rough physics step; so many are finished.
+/// Tables over different variables are compared when they were begun with rough data; so many are finished.
 const FINISHED: usize = 3;
 /// Least fall of the cross-validated loss by a table.
 const WORTH: f64 = 0.05;
