@@ -11,18 +11,17 @@ impl Data {
     /// Less to compute: at a physics step of a millisecond; of a robot that walks freely no more than [`STRETCHES`] of its stretches,
     /// evenly spread. Fits that begin far off get near by it, and end with all.
     pub fn rough(&self) -> Self {
-        let every = if self.is_free() {
-            self.trials.len().div_ceil(STRETCHES)
-        } else {
-            1
-        };
-        Self {
-            trials: Arc::new(self.trials.iter().step_by(every).cloned().collect()),
-            robots: Arc::new(self.robots.iter().step_by(every).cloned().collect()),
-            first_block: self.first_block.iter().step_by(every).copied().collect(),
+        let mut rough = Self {
             finer: 1,
             ..self.clone()
+        };
+        if self.is_free() {
+            let every = self.trials.len().div_ceil(STRETCHES);
+            rough.trials = Arc::new(self.trials.iter().step_by(every).cloned().collect());
+            rough.robots = Arc::new(self.robots.iter().step_by(every).cloned().collect());
+            rough.first_block = self.first_block.iter().step_by(every).copied().collect();
         }
+        rough
     }
 
     /// Whether a fit takes so long that it is begun with [`Self::rough`] data.
