@@ -171,5 +171,6 @@ def test_without_the_token_the_page_says_what_to_do(browser, tmp_path):
     with viewing(POLICY, "--out", tmp_path) as view:
         tab = browser.new_page()
         tab.goto(f"http://{view.host}:{view.port}/")
-        tab.wait_for_function("document.getElementById('state').textContent.includes('token')")
+        # Not `wait_for_function`: it evaluates a string again and again, which the page's policy forbids.
+        tab.locator("#state", has_text="token").wait_for()
         tab.close()
