@@ -8,6 +8,7 @@ use omniwalk_env::effect::{Kind, Site};
 use omniwalk_env::robot::Robot;
 
 use super::fit::Fit;
+use super::leftover::Leftover;
 use super::model::{Tuned, joint_of};
 use super::own::Own;
 use super::select::Selector;
@@ -42,8 +43,9 @@ const CAUSES: [Cause; 2] = [
 const OFF: f64 = 0.03;
 
 /// Sets of what cannot be told apart: for each joint some of whose numbers are off in the same direction, without which they predict worse,
-/// the causes that would do as well and what they scale. `intervals` are half widths of the numbers of `fit` in their order.
-pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64]) -> Vec<Vec<String>> {
+/// the causes that would do as well and what they scale. `intervals` are half widths of the numbers of `fit` in their order. Where structure
+/// is `left` of a joint, its numbers have bent to that.
+pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64], left: &Leftover) -> Vec<Vec<String>> {
     let robot = selector.robot;
     let one = |dof: usize| {
         let (mut kinds, mut scaled) = (Vec::new(), Vec::new());
@@ -67,7 +69,9 @@ pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64]) -> Vec<Vec<St
         let kinds = kinds.into_iter().map(|kind: Kind| kind.id().to_owned());
         kinds.chain(numbers).collect::<Vec<String>>()
     };
-    (0..robot.dofs.len()).map(one).filter(|set| !set.is_empty()).collect()
+    let explained = |dof: &usize| left.structured().all(|left| left.dof != *dof);
+    let sets = (0..robot.dofs.len()).filter(explained).map(one);
+    sets.filter(|set| !set.is_empty()).collect()
 }
 
 impl Cause {

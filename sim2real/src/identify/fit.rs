@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::model::{Free, Model};
 use super::scales::Scales;
 use super::starts;
-use super::trial::Trial;
+use super::trial::{Reading, Trial};
 
 /// Candidates in one rollout: a group of the widest lanes.
 pub const LANES: usize = 16;
@@ -39,6 +39,9 @@ pub struct Data {
 
 /// Of every trial, of every [`LANES`] models: entry `reading * models + m`.
 pub type Predictions = Vec<Vec<Vec<f64>>>;
+
+/// How many parts slopes are kept in, and the part of a trial's reading.
+type Parts<'a> = (usize, &'a dyn Fn(usize, &Reading) -> usize);
 
 /// What model `m` predicts for reading `i` of a trial with so many readings and these parts of [`Predictions`].
 fn at(parts: &[Vec<f64>], readings: usize, i: usize, m: usize) -> f64 {
@@ -268,7 +271,7 @@ impl Data {
         let (moved, steps) = beside(model, scales);
         let models: Vec<Model> = [model.clone()].into_iter().chain(moved).collect();
         let predictions = self.predict(&models);
-        self.differences((&predictions, 0), (&predictions, 1), &steps)
+        self.by_block((&predictions, 0), (&predictions, 1), &steps)
     }
 
     /// The same where `model` is number `m` of those with predictions `known`.
@@ -279,26 +282,37 @@ impl Data {
         scales: &Scales,
     ) -> (Vec<Loss>, Vec<Slope>) {
         let (moved, steps) = beside(model, scales);
-        self.differences((known, m), (&self.predict(&moved), 0), &steps)
+        self.by_block((known, m), (&self.predict(&moved), 0), &steps)
     }
 
-    /// Losses and slopes of the model number `m` of `known` from the models of `moved`, from number `first` on, whose numbers are moved by
-    /// `steps`.
+    fn by_block(
+        &self,
+        known: (&Predictions, usize),
+        moved: (&Predictions, usize),
+        steps: &[f64],
+    ) -> (Vec<Loss>, Vec<Slope>) {
+        let block = |t: usize, reading: &Reading| self.first_block[t] + reading.block;
+        self.differences(known, moved, steps, (self.blocks, &block))
+    }
+
+    /// Losses and slopes, in as many parts as `parts` has, of which it tells that of a trial's reading, of the model number `m` of `known` from
+    /// the models of `moved`, from number `first` on, whose numbers are moved by `steps`.
     fn differences(
         &self,
         (known, m): (&Predictions, usize),
         (moved, first): (&Predictions, usize),
         steps: &[f64],
+        parts: Parts<'_>,
     ) -> (Vec<Loss>, Vec<Slope>) {
         let n = steps.len();
-        let mut losses = vec![Loss::default(); self.blocks];
+        let mut losses = vec![Loss::default(); parts.0];
         let zero = Slope {
             gradient: DVector::zeros(n),
             curvature: DMatrix::zeros(n, n),
         };
-        let mut slopes = vec![zero; self.blocks];
+        let mut slopes = vec![zero; parts.0];
         let mut row = DVector::zeros(n);
-        for (t, (trial, &first_block)) in self.trials.iter().zip(&self.first_block).enumerate() {
+        for (t, trial) in self.trials.iter().enumerate() {
             let readings = trial.readings.len();
             for (i, reading) in trial.readings.iter().enumerate() {
                 let base = at(&known[t], readings, i, m);
@@ -312,21 +326,20 @@ impl Data {
                         0.0
                     };
                 }
-                let loss = &mut losses[first_block + reading.block];
-                loss.squares += residual * residual;
-                loss.count += 1.0;
-                let slope = &mut slopes[first_block + reading.block];
-                slope.gradient.axpy(residual, &row, 1.0);
-                slope.curvature.ger(1.0, &row, &row, 1.0);
+                let part = parts.1(t, reading);
+                losses[part].squares += residual * residual;
+                losses[part].count += 1.0;
+                slopes[part].gradient.axpy(residual, &row, 1.0);
+                slopes[part].curvature.ger(1.0, &row, &row, 1.0);
             }
         }
         (losses, slopes)
     }
 
-    /// Gradient of `model`'s loss against readings as the simulation has them at half the physics step.
-    pub fn pull_of_the_step(&self, model: &Model, scales: &Scales) -> DVector<f64> {
-        let mut at = self.clone();
-        Arc::make_mut(&mut at.trials)
+    /// Slopes of `model`'s loss against readings as the simulation has them at half the physics step, by degree of freedom.
+    pub fn slopes_against_half_the_step(&self, model: &Model, scales: &Scales) -> Vec<Slope> {
+        let mut halved = self.clone();
+        Arc::make_mut(&mut halved.trials)
             .par_iter_mut()
             .zip(&*self.robots)
             .for_each(|(trial, robot)| {
@@ -336,7 +349,13 @@ impl Data {
                     reading.position = position;
                 }
             });
-        let (_, slopes) = at.slopes(model, scales);
-        super::descent::sum(&slopes, &|_| true, model.get(scales).len()).0
+        let (moved, steps) = beside(model, scales);
+        let models: Vec<Model> = [model.clone()].into_iter().chain(moved).collect();
+        let predictions = halved.predict(&models);
+        let dof = |_: usize, reading: &Reading| reading.dof;
+        let parts = (self.weights.len(), &dof as &dyn Fn(usize, &Reading) -> usize);
+        halved
+            .differences((&predictions, 0), (&predictions, 1), &steps, parts)
+            .1
     }
 }

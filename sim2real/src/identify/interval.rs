@@ -1,13 +1,16 @@
-//! 95 % intervals of fitted numbers that respect autocorrelation: how far the fit moves when a log, or a block of time, is left out
-//! (jackknife over clusters: MacKinnon, Nielsen and Webb 2023; Newey and West 1987 for neighbours in time). The scatter of gradients
-//! between clusters alone is too small where there are not many more of them than numbers, as the fit has bent to each of them.
+//! 95 % intervals of fitted numbers, of three parts: noise, what the physics step leaves open, and what the model is wrong about.
+//!
+//! Noise: how far the fit moves when a log, or a block of time, is left out (jackknife over clusters: MacKinnon, Nielsen and Webb 2023;
+//! Newey and West 1987 for neighbours in time), which respects autocorrelation. The scatter of gradients between clusters alone is too
+//! small where there are not many more of them than numbers, as the fit has bent to each of them.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::cross::{Folds, student_tail};
 use super::descent::sum;
-use super::fit::{Data, Fit, total};
-use super::scales::Scales;
+use super::fit::Fit;
+use super::leftover::squares;
+use super::select::Selector;
 
 /// Relative error of slopes by finite differences: motion that sticks has kinks.
 const SLOPE_ERROR: f64 = 0.02;
@@ -16,40 +19,78 @@ const LEVERAGE: f64 = 0.9;
 /// Share that a number has in a direction from which on it is part of it.
 const PART: f64 = 0.1;
 
-/// Half width of the 95 % interval of every fitted number, in its own unit, were the model right; infinite where the logs cannot tell.
+/// Half widths of the 95 % interval of a fitted number, in its own unit; infinite where the logs cannot tell.
+#[derive(Clone, Copy, Debug)]
+pub struct HalfWidth {
+    /// Were the model right: noise and the physics step.
+    pub right: f64,
+    /// As wrong as it is.
+    pub whole: f64,
+}
+
+/// Intervals of every number of `fit`.
 ///
-/// What the physics step leaves open comes on top: by how much the fit would move were the readings those of half the step,
-/// twice, as an integrator of first order is off by twice what half its step changes.
-pub fn intervals(data: &Data, fit: &Fit, folds: &Folds, scales: &Scales) -> Vec<f64> {
+/// What the physics step leaves open is by how much the fit would move were the readings those of half the step, twice, as an integrator
+/// of first order is off by twice what half its step changes.
+///
+/// A model that does not reach the floor is wrong beyond noise, in every log alike, so that no scatter between logs shows it. What of that goes
+/// along with a number has moved it unseen; what does not is the loss above the floor. As much is taken to be in either: of a robot of one
+/// joint, a number is left open over all values that are no worse than the fit by more than the fit is worse than the floor, the other numbers
+/// fitted again; of several joints, by what each joint's own loss above its floor can move it, the root of the sum of their squares.
+pub fn intervals(selector: &Selector<'_>, fit: &Fit) -> Vec<HalfWidth> {
+    let (data, scales) = (selector.data, selector.scales);
     let free = fit.model.free(scales);
     let n = free.len();
     let (_, curvature) = sum(&fit.slopes, &|_| true, n);
     // Numbers that do nothing, or nothing that others could not do, are set apart, so that they do not spoil the rest.
     let told: Vec<usize> = told(&curvature);
     let m = told.len();
-    let small = DMatrix::from_fn(m, m, |a, b| curvature[(told[a], told[b])]);
-    let mut out = vec![f64::INFINITY; n];
-    let Some(factor) = small.cholesky() else {
+    let of_told = |curvature: &DMatrix<f64>| DMatrix::from_fn(m, m, |a, b| curvature[(told[a], told[b])]);
+    let unknown = HalfWidth {
+        right: f64::INFINITY,
+        whole: f64::INFINITY,
+    };
+    let mut out = vec![unknown; n];
+    let Some(factor) = of_told(&curvature).cholesky() else {
         return out;
     };
-    let shifts = shifts(&clusters(fit, folds, &told), &factor);
-    let covariance = covariance(&shifts, m, folds.whole_logs());
+    let shifts = shifts(&clusters(fit, selector.folds, &told), &factor);
+    let covariance = covariance(&shifts, m, selector.folds.whole_logs());
     let quantile = quantile(shifts.len().saturating_sub(1).max(1) as f64);
-    let pull = data.pull_of_the_step(&fit.model, scales);
+    let by_dof = data.slopes_against_half_the_step(&fit.model, scales);
+    let pull: DVector<f64> = by_dof.iter().map(|slope| &slope.gradient).sum();
     let moved = factor.solve(&DVector::from_fn(m, |a, _| pull[told[a]]));
+    let curvatures: Vec<DMatrix<f64>> = by_dof.iter().map(|slope| of_told(&slope.curvature)).collect();
+    let wrong = wrong(&factor, &curvatures, &excess(selector, fit));
     for (a, &i) in told.iter().enumerate() {
         let noise = quantile * covariance[(a, a)].max(0.0).sqrt();
-        out[i] = (noise + 2.0 * moved[a].abs()) * free[i].scale;
+        let step = 2.0 * moved[a].abs();
+        out[i] = HalfWidth {
+            right: (noise + step) * free[i].scale,
+            whole: (noise.hypot(wrong[a]) + step) * free[i].scale,
+        };
     }
     out
 }
 
-/// `intervals` of a model as wrong as `fit` is, which does not reach the `floor` (a weighted loss): by more than noise, and by as much in
-/// logs it has not seen. What of that goes along with a number moves it unseen; intervals are wider by the ratio of the residual to the
-/// floor (the scale factor of the Particle Data Group: Review of Particle Physics 2024, Introduction, 5.2.2).
-pub fn widened(intervals: &[f64], fit: &Fit, floor: f64) -> Vec<f64> {
-    let wrong = (total(&fit.losses) / floor).sqrt().max(1.0);
-    intervals.iter().map(|half| wrong * half).collect()
+/// Loss above the floor, by degree of freedom.
+fn excess(selector: &Selector<'_>, fit: &Fit) -> Vec<f64> {
+    let squares = squares(selector.data, &fit.model);
+    let above = squares.iter().zip(&selector.floors).map(|(own, floor)| own - floor);
+    above.map(|above| above.max(0.0)).collect()
+}
+
+/// By how much residuals whose squares sum up to `excess` can move each number at most, the root of the sum of squares over degrees of freedom;
+/// `curvatures` are theirs, `factor` is that of their sum.
+fn wrong(factor: &Cholesky<f64, Dyn>, curvatures: &[DMatrix<f64>], excess: &[f64]) -> Vec<f64> {
+    let inverse = factor.inverse();
+    let squares = |a: usize| {
+        let moved = inverse.column(a);
+        let own = curvatures.iter().zip(excess);
+        own.map(|(curvature, excess)| excess * moved.dot(&(curvature * moved)))
+            .sum::<f64>()
+    };
+    (0..inverse.ncols()).map(|a| squares(a).max(0.0).sqrt()).collect()
 }
 
 /// The numbers that the logs tell: those with no part in a direction along which, in units of what each does alone, readings
@@ -177,6 +218,23 @@ mod tests {
             let moved = solution(Some(k)) - &all;
             assert!((moved.column(0) - shift).norm() < 1e-10, "cluster {k}: {moved} {shift}");
         }
+    }
+
+    #[test]
+    fn a_model_is_wrong_about_a_number_by_what_moves_the_loss_as_far_as_it_is_above_the_floor() {
+        let curvature = DMatrix::from_row_slice(2, 2, &[4.0, 1.0, 1.0, 9.0]);
+        let factor = curvature.clone().cholesky().expect("a fit");
+        let all = wrong(&factor, std::slice::from_ref(&curvature), &[0.25]);
+        // The least loss at a first number that is off by d is d^2 (4 - 1 / 9).
+        assert!(
+            (all[0] - (0.25_f64 / (4.0 - 1.0 / 9.0)).sqrt()).abs() < 1e-12,
+            "{all:?}"
+        );
+        // A joint that one number alone moves leaves the other as it is.
+        let first = DMatrix::from_row_slice(2, 2, &[4.0, 0.0, 0.0, 0.0]);
+        let second = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 0.0, 9.0]);
+        let factor = (&first + &second).cholesky().expect("a fit");
+        assert_eq!(wrong(&factor, &[first, second], &[1.0, 0.0]), [0.5, 0.0]);
     }
 
     #[test]

@@ -68,9 +68,9 @@ pub fn find(
     selector.prefer_tables(&mut selection, &|selection| leftover::open(&data, selection, &floor));
     let all_at_once = search.compare.then(|| selector.all_at_once(&selection.refit.model));
     let left = leftover::leftover(&selector, &selection, &floor)?;
-    let intervals = interval::intervals(&data, &selection.last, &folds, &scales);
-    let common = causes::sets(&selector, &selection.last, &intervals);
-    let intervals = interval::widened(&intervals, &selection.last, selector.floor);
+    let intervals = interval::intervals(&selector, &selection.last);
+    let right: Vec<f64> = intervals.iter().map(|half| half.right).collect();
+    let common = causes::sets(&selector, &selection.last, &right, &left);
     let last = &selection.last.model;
     let without = |i: usize| {
         let mut without = last.clone();
@@ -82,7 +82,7 @@ pub fn find(
         refit: selection.refit.model,
         last: selection.last.model,
         all_at_once,
-        intervals,
+        intervals: intervals.iter().map(|half| half.whole).collect(),
         p_values: selection.p_values,
         rejected: selection.rejected,
         alike: selection.alike,

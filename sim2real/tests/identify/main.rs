@@ -132,16 +132,24 @@ fn a_low_supply_is_named_with_what_it_scales() {
     assert_eq!(named[..2], ["supply_voltage", "kp_scale of hinge"]);
 }
 
-#[test]
-fn a_heavier_arm_is_named_with_what_it_scales() {
-    let mut truth = rig(&[]);
-    let arm = &mut truth.links[1].inertial;
+/// `robot` with an arm of 1.3 times its mass.
+fn heavier(mut robot: Robot) -> Robot {
+    let arm = &mut robot.links[1].inertial;
     arm.mass *= 1.3;
     arm.inertia *= 1.3;
-    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
-    let named = named(&outcome);
-    assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
-    assert_eq!(named[..3], ["payload", "mass", "kp_scale of hinge"]);
+    robot
+}
+
+#[test]
+fn a_heavier_arm_is_named_with_what_it_scales() {
+    // Dry friction that builds up over a hair's breadth is too little to be missing, and numbers that are re-tuned bend to it.
+    for friction in [&[][..], &[(Kind::StribeckFriction, &[0.004, 0.4, 3e-4][..])]] {
+        let truth = heavier(rig(friction));
+        let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+        let named = named(&outcome);
+        assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
+        assert_eq!(named[..3], ["payload", "mass", "kp_scale of hinge"]);
+    }
 }
 
 /// The rig with a table on its joint.
@@ -153,16 +161,19 @@ fn with_table(table: Table) -> Robot {
 
 #[test]
 fn a_spring_on_one_side_is_a_curve_and_not_several_effects() {
-    let truth = with_table(Table {
+    let spring = with_table(Table {
         axes: vec![(Variable::Position, vec![-2.0, 0.1, 1.1])],
         values: vec![0.0, 0.0, -0.3],
         friction: false,
     });
-    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
-    let named = named(&outcome);
-    assert_eq!(outcome.verdict, Verdict::Unexplained, "{named:?}");
-    assert_eq!(outcome.unexplained.depends_on[0], "position");
-    assert!(named.is_empty(), "{named:?}");
+    // Beside it re-tuning makes up for a mass, and could be made up for by one.
+    for truth in [spring.clone(), heavier(spring)] {
+        let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+        let named = named(&outcome);
+        assert_eq!(outcome.verdict, Verdict::Unexplained, "{named:?}");
+        assert_eq!(outcome.unexplained.depends_on[0], "position");
+        assert!(named.is_empty(), "{named:?}");
+    }
 }
 
 #[test]

@@ -3,9 +3,10 @@
 use omniwalk_env::effect::Kind;
 
 use super::super::candidates;
-use super::super::fit::{Fit, total};
+use super::super::fit::{Fit, Loss, total};
 use super::super::model::{Model, Term};
 use super::super::own::Own;
+use super::worth::WORTH_OF_GAP;
 use super::{Judged, LESSER, Selector, Steps, terms};
 
 impl Selector<'_> {
@@ -23,7 +24,8 @@ impl Selector<'_> {
     }
 
     /// Whether the effect `kind` on `target` does what re-tuning `own` of degree of freedom `dof` does: beside their nominal values it
-    /// predicts no worse. The joint's other numbers are fitted with both.
+    /// predicts no worse, or takes all but a trifle of what they take, as more numbers also bend to what else a model is wrong about. The
+    /// joint's other numbers are fitted with all.
     pub fn stands_for(&self, fit: &Fit, dof: usize, own: &[Own], (kind, target): (Kind, usize)) -> bool {
         let nominal = self.of_joint(&fit.model, dof, own);
         let with = |term: Term| {
@@ -34,9 +36,10 @@ impl Selector<'_> {
         let effects = candidates::each(kind, target, self.robot, self.scales, &[]);
         let starts: Vec<Model> = effects.into_iter().flat_map(|effect| effect.starts).map(with).collect();
         let effect = candidates::promising(self.data, starts, self.scales);
-        let [effect, tuned] = [effect, self.of_joint(&fit.model, dof, &[])]
-            .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
-        !self.apart(&effect.cross, &tuned.cross)
+        let [effect, tuned, nominal] = [effect, self.of_joint(&fit.model, dof, &[]), nominal]
+            .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)).cross);
+        let beyond = |cross: &[Loss]| total(cross) - total(&tuned);
+        !self.apart(&effect, &tuned) || beyond(&effect) < WORTH_OF_GAP * beyond(&nominal)
     }
 
     /// `model` with all held but what it has on degree of freedom `dof`, of which `nominal` are held at their nominal values.

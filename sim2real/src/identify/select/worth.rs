@@ -11,7 +11,7 @@ const FALSE_ALARM: f64 = 0.05;
 /// Least fall of the cross-validated loss that makes an effect worth having.
 pub(super) const WORTH: f64 = 0.02;
 /// The same as a share of what noise and integrator leave to be explained.
-const WORTH_OF_GAP: f64 = 0.05;
+pub(super) const WORTH_OF_GAP: f64 = 0.05;
 /// What is left is more than noise when the loss is so many times the floor's.
 const ABOVE_FLOOR: f64 = 1.5;
 /// Where all that is left is negligible an effect must take this share of it.
