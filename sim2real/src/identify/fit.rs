@@ -353,9 +353,7 @@ impl Data {
         let models: Vec<Model> = [model.clone()].into_iter().chain(moved).collect();
         let predictions = halved.predict(&models);
         let dof = |_: usize, reading: &Reading| reading.dof;
-        let parts = (self.weights.len(), &dof as &dyn Fn(usize, &Reading) -> usize);
-        halved
-            .differences((&predictions, 0), (&predictions, 1), &steps, parts)
-            .1
+        let (_, slopes) = halved.differences((&predictions, 0), (&predictions, 1), &steps, (self.weights.len(), &dof));
+        slopes
     }
 }
