@@ -15,8 +15,8 @@ FIXED = [
 """Machine and seed; to be run once, after the procedure is frozen."""
 
 FIRST = [("rig", seed) for seed in range(72)]
-"""The rigs of the fixed list of the procedure as it was frozen first. Its 32 legs and 8 walks were left when these showed intervals that are too
-narrow (one healthy leg was run, and nothing said of it). What came out changed the procedure: it is no measure of it any more."""
+"""The rigs of the fixed list of the procedure as it was frozen first. Its 32 legs and 8 walks were left when these showed intervals that
+are too narrow (one healthy leg was run, and nothing said of it). What came out changed the procedure: it is no measure of it any more."""
 
 REHEARSAL = [
     *(("rig", seed) for seed in (*range(1000, 1016), 1017, 1018, 1021, 1025, 1026, 1029, 1033, 1034, 1037)),
