@@ -1,6 +1,7 @@
 """The sealed walker: it walks as a body of its weight must, its faults change how, and a seed is a case."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import mujoco
@@ -160,7 +161,7 @@ def test_the_loop_is_closed_once_and_goes_on_where_it_stopped(tmp_path, monkeypa
         calls.append([str(argument) for argument in arguments])
         made = Path(arguments[arguments.index("--out") + 1 if "--out" in arguments else arguments.index("--run") + 1])
         if arguments[0] == "identify":
-            made.mkdir()
+            (made / "robot").mkdir(parents=True)
             (made / "report.json").write_text(json.dumps({"verdict": "explained", "accepted": []}))
         elif arguments[0] == "train":
             made.mkdir(exist_ok=True)
@@ -184,3 +185,26 @@ def test_the_loop_is_closed_once_and_goes_on_where_it_stopped(tmp_path, monkeypa
     assert [call[0] for call in calls].count("identify") == 1
     rows = closing.table(tmp_path / "results").splitlines()
     assert len(rows) == 5 and rows[2] == "| worn-0003 | as it was | 3 of 20 | 0.200 | - |"
+
+
+def test_a_world_whose_logs_carry_no_answer_is_closed_without_one(tmp_path, monkeypatch):
+    trained = []
+
+    def called(self, *arguments):
+        if arguments[0] == "identify":
+            raise subprocess.CalledProcessError(2, "omniwalk")
+        if arguments[0] == "train":
+            trained.append(arguments)
+            Path(arguments[arguments.index("--run") + 1]).mkdir()
+
+    monkeypatch.setattr(closing.Closing, "_call", called)
+    monkeypatch.setattr(closing, "ensure", lambda machine, seed, out, walker: out / "cases" / f"{machine}-{seed:04d}")
+    monkeypatch.setattr(closing.loop, "play", lambda *_, **__: [])
+    monkeypatch.setattr(closing.loop, "totals", lambda _: {"walks": 20, "falls": 20, "velocity_error": None, "turn_error": None})
+    closing.Closing(["omniwalk"], tmp_path / "run", tmp_path / "out", 1000).world(0, tmp_path / "results")
+    assert len(trained) == 1 and "engine.physics_hz=1000" in trained[0]
+    rows = closing.table(tmp_path / "results").splitlines()
+    assert rows[3:] == [
+        "| worn-0000 | trained on, nominal robot | 20 of 20 | - | - |",
+        "| worn-0000 | trained on, identified robot | no answer | - | - |",
+    ]
