@@ -14,14 +14,12 @@ from pathlib import Path
 from . import loop
 from .cases import ensure
 from .generate import name_of
+from .walk_case import ROBOT
 
 MACHINE = "worn"
 
 REPORTED = ["verdict", "accepted", "indistinguishable", "nominal", "refit", "final"]
 """Keys of `report.json` that a result keeps."""
-
-REFUSED = 2
-"""Exit code of `identify` where the logs cannot carry an answer: of a robot that falls at once, say."""
 
 STAGES = {"before": "as it was", "without": "trained on, nominal robot", "with": "trained on, identified robot"}
 """The policies that walk."""
@@ -60,9 +58,9 @@ class Closing:
         case = ensure(MACHINE, seed, self.out, policy)
         totals = {"before": self._walked(policy, seed, folder)}
         report = self._identified(case, folder)
-        stages = {"without": None, "with": folder / "found" / "robot"}
-        for stage, robot in stages.items():
-            if robot and not robot.exists():
+        robots = {"without": ROBOT, "with": folder / "found" / "robot"}
+        for stage, robot in robots.items():
+            if not robot.exists():
                 continue  # `identify` gave no answer
             run = self._trained(folder / stage, robot, seed)
             totals[stage] = self._walked(self._exported(run, folder / f"{stage}.omni"), seed, folder)
@@ -90,25 +88,26 @@ class Closing:
 
     def _identified(self, case: Path, folder: Path) -> dict:
         found = folder / "found"
-        if not (found / "report.json").exists():
+        path = found / "report.json"
+        if not path.exists():
             fit, held_out = (sorted((case / part).glob("*.mcap")) for part in ("fit", "heldout"))
             try:
                 self._call("identify", *fit, "--robot", case / "robot", "--heldout", *held_out, "--out", found)
-            except subprocess.CalledProcessError as error:
-                if error.returncode != REFUSED:
+            except subprocess.CalledProcessError:
+                # That logs carry no answer, as of a robot that falls at once, is an answer.
+                if not path.exists():
                     raise
-                return {"verdict": "refused"}
-        report = json.loads((found / "report.json").read_text())
+        report = json.loads(path.read_text())
         return {key: report[key] for key in REPORTED if key in report}
 
-    def _trained(self, run: Path, robot: Path | None, seed: int) -> Path:
-        """Goes on from the run; with another robot if one is given."""
+    def _trained(self, run: Path, robot: Path, seed: int) -> Path:
+        """Goes on from the run with a robot."""
         if (run / "done").exists():
             return run
         if run.exists():
             self._call("train", "--resume", "--run", run, "--quiet")
         else:
-            changes = [*GOING_ON, *([f'robot.path="{robot.resolve()}"'] if robot else [])]
+            changes = [*GOING_ON, f'robot.path="{robot.resolve()}"']
             sets = [part for change in changes for part in ("--set", change)]
             self._call("train", "--from", self.run, "--seed", seed, "--steps", self.steps, "--run", run, "--quiet", *sets)
         (run / "done").touch()

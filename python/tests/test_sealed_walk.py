@@ -192,6 +192,9 @@ def test_a_world_whose_logs_carry_no_answer_is_closed_without_one(tmp_path, monk
 
     def called(self, *arguments):
         if arguments[0] == "identify":
+            found = Path(arguments[arguments.index("--out") + 1])
+            found.mkdir()
+            (found / "report.json").write_text(json.dumps({"verdict": "insufficient_data"}))
             raise subprocess.CalledProcessError(2, "omniwalk")
         if arguments[0] == "train":
             trained.append(arguments)
