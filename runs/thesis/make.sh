@@ -22,7 +22,7 @@ judge() { # RUN HERE THINNED OPTIONS...
     shift 3
     "$omniwalk" eval "$run" "$@" > "$run/eval.txt"
     mkdir -p "$here"
-    cp "$run/config.toml" "$here/"
+    cp "$run/config.toml" "$run/sessions.toml" "$here/"
     for file in eval.json eval.txt; do
         sed "/^rollout/d; s#$run#thesis#" "$run/$file" > "$here/$file"
     done
