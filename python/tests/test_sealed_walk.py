@@ -153,6 +153,14 @@ def test_worn_knees_have_play_friction_and_a_delay_and_a_seed_says_which():
         assert all(4.0 <= effect.get("torque") <= 8.0 for effect in case.effects if effect.name == "coulomb_friction")
 
 
+def without_worlds(monkeypatch, called, totals):
+    """Closes loops without a world: `called` for the program, `totals` for every walk."""
+    monkeypatch.setattr(closing.Closing, "_call", called)
+    monkeypatch.setattr(closing, "ensure", lambda machine, seed, out, walker: out / "cases" / f"{machine}-{seed:04d}")
+    monkeypatch.setattr(closing.loop, "play", lambda *_, **__: [])
+    monkeypatch.setattr(closing.loop, "totals", lambda _: totals)
+
+
 def test_the_loop_is_closed_once_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
     totals = {"walks": 20, "falls": 3, "velocity_error": 0.2, "turn_error": None}
     calls = []
@@ -170,10 +178,7 @@ def test_the_loop_is_closed_once_and_goes_on_where_it_stopped(tmp_path, monkeypa
         else:
             made.touch()
 
-    monkeypatch.setattr(closing.Closing, "_call", called)
-    monkeypatch.setattr(closing, "ensure", lambda machine, seed, out, walker: out / "cases" / f"{machine}-{seed:04d}")
-    monkeypatch.setattr(closing.loop, "play", lambda *_, **__: [])
-    monkeypatch.setattr(closing.loop, "totals", lambda _: totals)
+    without_worlds(monkeypatch, called, totals)
     closed = closing.Closing(["omniwalk"], tmp_path / "run", tmp_path / "out", 1000)
     with pytest.raises(KeyboardInterrupt):
         closed.world(3, tmp_path / "results")
@@ -200,10 +205,7 @@ def test_a_world_whose_logs_carry_no_answer_is_closed_without_one(tmp_path, monk
             trained.append(arguments)
             Path(arguments[arguments.index("--run") + 1]).mkdir()
 
-    monkeypatch.setattr(closing.Closing, "_call", called)
-    monkeypatch.setattr(closing, "ensure", lambda machine, seed, out, walker: out / "cases" / f"{machine}-{seed:04d}")
-    monkeypatch.setattr(closing.loop, "play", lambda *_, **__: [])
-    monkeypatch.setattr(closing.loop, "totals", lambda _: {"walks": 20, "falls": 20, "velocity_error": None, "turn_error": None})
+    without_worlds(monkeypatch, called, {"walks": 20, "falls": 20, "velocity_error": None, "turn_error": None})
     closing.Closing(["omniwalk"], tmp_path / "run", tmp_path / "out", 1000).world(0, tmp_path / "results")
     assert len(trained) == 1 and "engine.physics_hz=1000" in trained[0]
     rows = closing.table(tmp_path / "results").splitlines()
