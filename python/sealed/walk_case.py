@@ -61,7 +61,7 @@ def world(seed: int, machine: str = "walk") -> World:
     """The sealed world of a case of the machine `walk`, or `worn`, whose knees are."""
     rng = np.random.default_rng([seed, zlib.crc32(machine.encode())])
     if machine == "worn":
-        case = effects.draw_worn(seed, rng, typical())
+        case = effects.draw_worn(rng, typical())
     else:
         case = effects.draw_case(seed, rng, maker().carriers(), typical(), effects.WALKING)
     return World(maker(), replace(case, effects=[_placed(effect) for effect in case.effects]), rng)

@@ -144,13 +144,13 @@ def test_plays_are_summed_up(tmp_path):
     assert content["totals"]["falls"] == 2 and len(content["walks"]) == 3
 
 
-def test_worn_knees_have_play_friction_and_a_delay_and_a_seed_says_which():
-    typical = {joint: {"coulomb_friction.torque": 10.0} for joint in ("left_knee_pitch", "right_knee_pitch")}
-    for seed, joints in enumerate(effects.WORN_KNEES):
-        case = effects.draw_worn(seed, np.random.default_rng(seed), typical)
-        assert case.effects == effects.draw_worn(seed, np.random.default_rng(seed), typical).effects
-        assert {(effect.name, effect.joint) for effect in case.effects} == {(name, joint) for name in effects.WORN for joint in joints}
-        assert all(4.0 <= effect.get("torque") <= 8.0 for effect in case.effects if effect.name == "coulomb_friction")
+def test_both_worn_knees_have_play_friction_and_a_delay_and_a_seed_says_how_much():
+    typical = {joint: {"coulomb_friction.torque": 10.0} for joint in effects.WORN_KNEES}
+    first, again, other = (effects.draw_worn(np.random.default_rng(seed), typical) for seed in (0, 0, 1))
+    assert first.effects == again.effects != other.effects
+    named = {(effect.name, effect.joint) for effect in first.effects}
+    assert named == {(name, joint) for name in effects.WORN for joint in effects.WORN_KNEES}
+    assert all(5.0 <= effect.get("torque") <= 10.0 for effect in first.effects if effect.name == "coulomb_friction")
 
 
 def without_worlds(monkeypatch, called, totals):
