@@ -159,8 +159,7 @@ WORN: dict[str, dict[str, Range]] = {
     "backlash": {"gap": (0.03, 0.05), "coupling_damping": COUPLING_DAMPING},
     "command_delay": {"time": (0.07, 0.1)},
 }
-"""What is wrong with a worn knee, all at once: so much that the repository's policy walks badly with two of them. It hardly minds one, nor
-half as much in both."""
+"""What is wrong with a worn knee, all at once: so much that the repository's policy walks badly with two of them."""
 
 WORN_KNEES = ["left_knee_pitch", "right_knee_pitch"]
 
