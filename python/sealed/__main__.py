@@ -1,6 +1,6 @@
 """Makes, runs and judges sealed cases, and lets policies walk in them.
 
-    python -m sealed generate rig --seeds 0-7 --out DIR
+    python -m sealed generate rig --seeds 0-7 --out DIR [--logs 8]
     python -m sealed run fixed --out DIR --results DIR [--program omniwalk]
     python -m sealed summary --out DIR --results DIR
     python -m sealed walk POLICY.omni --machine walk --seed 1000 --out DIR
@@ -33,6 +33,7 @@ def main() -> None:
     make.add_argument("machine", choices=generate.MACHINES)
     make.add_argument("--seeds", type=seeds, required=True, help="such as 0-7 or 1,4,8")
     make.add_argument("--out", type=Path, required=True)
+    make.add_argument("--logs", type=int, default=len(generate.FIT), help="to fit, of a machine that does not walk [8]")
     make.set_defaults(run=_generate)
     run = commands.add_parser("run", help="identifies the cases of a list; what is done is skipped")
     run.add_argument("cases", choices=cases.LISTS)
@@ -65,7 +66,7 @@ def main() -> None:
 
 def _generate(arguments) -> None:
     for seed in arguments.seeds:
-        print(generate.generate(arguments.machine, seed, arguments.out))
+        print(generate.generate(arguments.machine, seed, arguments.out, count=arguments.logs))
 
 
 def _run(arguments) -> None:

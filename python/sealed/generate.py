@@ -29,23 +29,31 @@ def name_of(kind: str, seed: int) -> str:
     return f"{kind}-{seed:04d}"
 
 
-def generate(kind: str, seed: int, out: Path, seconds: float | None = None, walker: Path = walk_case.POLICY) -> Path:
+def generate(
+    kind: str,
+    seed: int,
+    out: Path,
+    seconds: float | None = None,
+    walker: Path = walk_case.POLICY,
+    count: int = len(FIT),
+) -> Path:
     """Writes case `seed` of a machine under `out/cases`, its truth under `out/truth`; gives the case's folder.
 
-    Each log lasts `seconds`, or as long as this machine's do; `walker` is the policy of machines that walk.
+    Each log lasts `seconds`, or as long as this machine's do; `walker` is the policy of machines that walk, `count` the number of logs
+    to fit of those that do not.
     """
     folder = out / "cases" / name_of(kind, seed)
     if kind in ("walk", "worn"):
         truth = walk_case.write(seed, folder, seconds or walk_case.SECONDS, kind, walker)
     else:
-        truth = _on_a_stand(kind, seed, folder, seconds or SECONDS)
+        truth = _on_a_stand(kind, seed, folder, seconds or SECONDS, count)
     path = out / "truth" / f"{name_of(kind, seed)}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({**truth, "machine": kind, "seed": seed}, indent=1) + "\n")
     return folder
 
 
-def _on_a_stand(kind: str, seed: int, folder: Path, seconds: float) -> dict:
+def _on_a_stand(kind: str, seed: int, folder: Path, seconds: float, count: int) -> dict:
     """Writes robot and logs of a machine on a stand into `folder`; gives the truth."""
     rng = np.random.default_rng([seed, zlib.crc32(kind.encode())])
     built = {"rig": machine.rig, "leg": machine.leg}[kind](lambda low, high: float(rng.uniform(low, high)))
@@ -59,10 +67,11 @@ def _on_a_stand(kind: str, seed: int, folder: Path, seconds: float) -> dict:
     stand = Stand(built, case, rng)
     built.write(folder / "robot")
     floors = {}
-    for part, shapes in (("fit", FIT), ("heldout", HELD_OUT)):
+    to_fit = [FIT[number % len(FIT)] for number in range(count)]
+    for part, shapes in (("fit", to_fit), ("heldout", HELD_OUT)):
         for number, shape in enumerate(shapes):
             # A repeat is its motion again, with other noise.
-            drawn = number - 1 if part == "fit" and number == REPEATED else number
+            drawn = number - 1 if part == "fit" and number % len(FIT) == REPEATED else number
             plan = np.random.default_rng([seed, 1 if part == "fit" else 2, drawn])
             middle = [_middle(joint) for joint in built.joints]
             moves = [motions.motion(shape, plan, at, built.motions, seconds) for at in middle]

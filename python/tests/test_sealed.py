@@ -96,3 +96,9 @@ def test_bristles_slide_at_the_level_of_friction_and_hold_below_it():
         velocity += (0.05 - bristle.torque(velocity, 0.1, 2.5e-4)) / 0.01 * 2.5e-4
         position += velocity * 2.5e-4
     assert abs(velocity) < 1e-4 and position < 1.5e-3
+
+
+def test_motions_go_round_where_more_logs_are_asked_for(tmp_path):
+    folder = generate.generate("rig", 1, tmp_path, 0.5, count=len(generate.FIT) + 1)
+    names = sorted(log.stem for log in (folder / "fit").glob("*.mcap"))
+    assert [name[3:] for name in names] == [*generate.FIT, generate.FIT[0]]
