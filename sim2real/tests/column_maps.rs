@@ -4,6 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use omniwalk_env::robot::Source;
+use omniwalk_sim2real::check::{Check, Fault};
 use omniwalk_sim2real::recording::{CommandKind, Map, Recording, RecordingError, read};
 use proptest::prelude::*;
 
@@ -24,6 +25,11 @@ position = { column = "{joint}.pos", scale = 2.0, offset = -180.0, unit = "deg" 
 enabled = { column = "on" }
 extra = { load = { column = "load", signed_bits = 16 } }
 "#;
+
+const URDF: &str = r#"<robot name="arm"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" effort="5" velocity="8"/></joint></robot>"#;
 
 const CSV: &str = "\u{feff}# gain: 3\n# by: hand\nrun,shape,t,hip.goal,hip.pos,knee.goal,knee.pos,on,load,mv\n\
 a,sine,1000,0.5,90,0.1,180,true,65535,7400\n\
@@ -106,6 +112,11 @@ fn faults_in_files_are_named_with_line_and_column() {
     let none = CSV.replace("knee.pos", "knee.angle");
     let changing = CSV.replace("a,sine,1010", "a,ramp,1010");
     let no_gain = CSV.replace("gain", "kp");
+    let commas = CSV.replace("0.6,91", "0,6,9,1");
+    let twice = CSV.replace("load,mv", "load,mv,hip.pos");
+    let truth = CSV.replace("91,", "true,");
+    let off = CSV.replace("gain: 3", "gain: -3");
+    let again = "{\"e\": [{\"t\": 0, \"q\": 1}, {\"q\": 1, \"t\": 1, \"q\": 2}]}";
     for (name, text, map, place, why) in [
         ("a.csv", back.as_str(), &csv, "line 5", "time goes backwards"),
         ("a.csv", &word, &csv, "line 5", "column `hip.pos`: `fast` is no number"),
@@ -113,6 +124,42 @@ fn faults_in_files_are_named_with_line_and_column() {
         ("a.csv", &none, &csv, "the first row", "no column `knee.pos`"),
         ("a.csv", &changing, &csv, "line 5", "`shape` changes from sine to ramp"),
         ("a.csv", &no_gain, &csv, "the header", "no field `gain`"),
+        (
+            "a.csv",
+            &commas,
+            &csv,
+            "line 5",
+            "the row has 12 cells, and there are 10 names",
+        ),
+        (
+            "a.csv",
+            &twice,
+            &csv,
+            "the first row",
+            "columns 5 and 11 are both called `hip.pos`",
+        ),
+        (
+            "a.csv",
+            &truth,
+            &csv,
+            "line 5",
+            "`true` is no number: only columns of `enabled` and `extra`",
+        ),
+        (
+            "a.csv",
+            &off,
+            &csv,
+            "the header, field `gain`",
+            "override `kp` cannot be -0.5",
+        ),
+        ("a.json", again, &json, "line 1, column 49", "row 1 gives `q` twice"),
+        (
+            "a.json",
+            "{\"e\": [{\"t\": 0, \"q\": false}]}",
+            &json,
+            "line 1",
+            "row 0: column `q`: `false` is no number",
+        ),
         ("a.csv", "t,q\n", &json, "the file", "no rows"),
         (
             "a.json",
@@ -170,6 +217,23 @@ fn faults_in_maps_are_named_with_line_and_column() {
             "neither a finite number",
         ),
         ("[overrides]\nkp = \"high\"".to_owned(), 2, "an override is a number"),
+        ("[overrides]\n\nkp = -3".to_owned(), 3, "override `kp` cannot be -3"),
+        ("[overrides]\nkd = nan".to_owned(), 2, "neither a finite number"),
+        (
+            "[overrides]\nspeed_limit = 0.0".to_owned(),
+            2,
+            "override `speed_limit` cannot be 0",
+        ),
+        (
+            "[overrides]\n\"payload.mass\" = 1e10".to_owned(),
+            2,
+            "cannot be 10000000000",
+        ),
+        (
+            "[overrides]\nstiffness = 3.0".to_owned(),
+            2,
+            "`stiffness` names no parameter",
+        ),
         ("separator = \"\u{e9}\"".to_owned(), 1, "not ASCII"),
     ] {
         let source = Source {
@@ -185,6 +249,69 @@ fn faults_in_maps_are_named_with_line_and_column() {
 }
 
 #[test]
+fn separators_at_the_end_of_rows_and_lists_that_are_there_twice() {
+    let map = |rows: &str| {
+        map(&format!(
+            "{rows}time = {{ column = \"t\" }}\n[[joint]]\nnames = [\"a\"]\nposition = {{ column = \"q\" }}\n"
+        ))
+    };
+    let read = reading("a.csv", b"t,q\n0,1,\n1,2,,\n", &map("")).unwrap();
+    assert_eq!(
+        read[0].joints[0].position.value,
+        [1.0, 2.0],
+        "empty cells are of no column"
+    );
+    for (text, rows) in [
+        ("{\"t\": [0, 1], \"q\": [1, 2], \"t\": [2, 3]}", ""),
+        (
+            "{\"e\": [{\"t\": 0, \"q\": 1}], \"e\": [{\"t\": 1, \"q\": 1}]}",
+            "rows = \"e\"\n",
+        ),
+    ] {
+        let refused = reading("a.json", text.as_bytes(), &map(rows)).unwrap_err().to_string();
+        assert!(refused.contains("is there twice"), "{refused}");
+    }
+}
+
+/// A last row whose time is far off, as a clock that is set makes: reading and checking take no memory by the time between.
+#[test]
+fn times_that_jump_are_read_and_refused_by_the_check() {
+    let map = map("time = { column = \"t\" }\n[[joint]]\nnames = [\"a\"]\nposition = { column = \"q\" }\n");
+    let rows: String = (0..400)
+        .map(|i| format!("{},{}\n", f64::from(i) * 0.01, f64::from(i).sin()))
+        .collect();
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.urdf"), URDF).unwrap();
+    let robot = omniwalk_env::robot::load(&folder.path().join("a.urdf")).unwrap();
+    for (last, words) in [("1e300", "1.0e300 s"), ("2592003.99", "30.0 days")] {
+        let text = format!("t,q\n{rows}{last},0\n");
+        let recordings = reading("a.csv", text.as_bytes(), &map).unwrap();
+        let check = Check::new(&recordings, &robot);
+        let refused = check.refusals[0].to_string();
+        assert_eq!(check.refusals[0].fault, Fault::ClockJump, "{check}");
+        assert!(
+            refused.contains("a: a: time jumps") && refused.contains(words),
+            "{refused}"
+        );
+        assert!(
+            refused.contains("is after 3.99 s") && refused.contains("split the log there"),
+            "{refused}"
+        );
+    }
+}
+
+#[test]
+fn the_maps_of_the_documentation_are_maps() {
+    let docs = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/maps"));
+    for name in ["bam_xl330", "bam_sts3250", "emps", "poppy"] {
+        Map::load(&docs.join(name).with_extension("toml")).unwrap();
+    }
+    let text = fs::read_to_string(docs.join("README.md")).unwrap();
+    let example = text.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next());
+    map(example.unwrap());
+}
+
+#[test]
 fn a_file_without_a_map_asks_for_one() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.csv");
@@ -196,9 +323,9 @@ fn a_file_without_a_map_asks_for_one() {
 proptest! {
     #[test]
     fn damaged_files_end_in_an_error_or_a_recording(at: prop::sample::Index, byte: u8, cut: bool) {
-        let json = r#"{"k": 4, "e": [{"t": 0.5, "q": 1, "v": null}, {"t": 1.5, "q": 2e3, "v": true}]}"#;
+        let json = r#"{"k": 4, "e": [{"t": 0.5, "q": 1, "v": null, "on": true}, {"t": 1.5, "q": 2e3, "v": 3, "on": 0}]}"#;
         let json_map = "rows = \"e\"\ntime = { column = \"t\" }\n[overrides]\nkp = { field = \"k\" }\n[[joint]]\n\
-                        names = [\"a\"]\nposition = { column = \"q\" }\nvelocity = { column = \"v\" }\n";
+                        names = [\"a\"]\nposition = { column = \"q\" }\nvelocity = { column = \"v\" }\nenabled = { column = \"on\" }\n";
         for (name, text, map) in [("a.csv", CSV, map(CSV_MAP)), ("a.json", json, map(json_map))] {
             let mut bytes = text.as_bytes().to_vec();
             let at = at.index(bytes.len());

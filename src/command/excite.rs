@@ -1,11 +1,12 @@
 //! `omniwalk excite`.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use omniwalk_sim2real::excite::{Plan, write};
+use omniwalk_sim2real::excite::{Plan, commanded, write};
 
 use super::load;
-use crate::terminal::say;
+use crate::terminal::{OutputError, say, tell};
 
 /// Writes motions to record, so that effects can be told apart.
 ///
@@ -27,14 +28,16 @@ pub struct Args {
 /// # Errors
 /// When the robot cannot be loaded or has nothing to move, or the files cannot be written.
 pub fn run(args: &Args) -> miette::Result<()> {
-    let robot = load::robot(&args.robot)?;
+    let robot = commanded(&*load::robot(&args.robot)?);
     if robot.policy.is_empty() {
         return Err(omniwalk_env::EnvError::NoPolicyJoints {
             robot: robot.name.clone(),
         }
         .into());
     }
-    let plan = Plan::new(&robot);
+    let mut plan = Plan::new(&robot);
+    tell("simulating what the motions show of every effect");
+    plan.examine(&robot)?;
     write(&plan, &robot, &args.out)?;
     say("motion                          joints  reversals  speed  slow   jump  inertia  load")?;
     for motion in &plan.motions {
@@ -56,11 +59,35 @@ pub fn run(args: &Args) -> miette::Result<()> {
     for note in &plan.notes {
         say(format_args!("note: {note}"))?;
     }
+    confused(&plan)?;
     say(format_args!(
         "{} motions, {:.0} s, in {}",
         plan.motions.len(),
         plan.seconds(),
         args.out.display()
     ))?;
+    Ok(())
+}
+
+/// What the motions do not show apart, joints that have it in common in one line.
+fn confused(plan: &Plan) -> Result<(), OutputError> {
+    let mut lines: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for confused in &plan.confused {
+        let effects = match confused.effects.as_slice() {
+            [one] => format!("{one} from what the model has"),
+            more => more.join(" from "),
+        };
+        let told = match confused.told {
+            Some(how) => format!("the same {how} does"),
+            None => "nor with the motors off, at another gain or with a weight".to_owned(),
+        };
+        lines
+            .entry(format!("not told: {effects}; {told}"))
+            .or_default()
+            .push(&confused.joint);
+    }
+    for (line, joints) in lines {
+        say(format_args!("{line} ({})", joints.join(", ")))?;
+    }
     Ok(())
 }

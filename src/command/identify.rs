@@ -8,8 +8,11 @@ use omniwalk_sim2real::identify::{self, Outcome, Task, Verdict};
 use omniwalk_sim2real::recording::{self, Map, RecordingError};
 
 use super::load;
-use crate::report::identification;
+use crate::report::identification::{self, figure, said};
 use crate::terminal::{OutputError, say, tell};
+
+/// Held-out errors that are so many times those of the logs that were fitted are remarked.
+const FAR_OFF: f64 = 3.0;
 
 /// Finds the physical effect that the robot's model lacks, and writes the robot with it.
 ///
@@ -52,6 +55,14 @@ pub fn run(args: &Args) -> miette::Result<()> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
         pool.build_global().into_diagnostic()?;
     }
+    apart(&args.logs, &args.heldout)?;
+    if args.out.join("report.json").exists() {
+        return Err(miette!(
+            help = "give another folder with --out, or remove this one",
+            "{} holds the result of another identification",
+            args.out.display()
+        ));
+    }
     let robot = load::held(&args.robot, args.stand)?;
     let map = args.map.as_deref().map(Map::load).transpose()?;
     let logs = load::recordings(&args.logs, map.as_ref())?;
@@ -73,17 +84,42 @@ pub fn run(args: &Args) -> miette::Result<()> {
     let outcome = identify::run(&task, &|line| tell(format_args!("{line}")))?;
     let json = serde_json::to_string_pretty(&outcome).into_diagnostic()? + "\n";
     load::write(&args.out.join("report.json"), &json)?;
+    load::write(&args.out.join("report.html"), &identification::page(&outcome)?)?;
     if outcome.verdict == Verdict::InsufficientData {
         let reasons = outcome.reasons.join("\n");
         return Err(miette!(help = reasons, "these logs cannot carry an answer"));
     }
-    load::write(&args.out.join("report.html"), &identification::page(&outcome)?)?;
-    Ok(summary(&outcome, &args.out)?)
+    summary(&outcome, &args.out)?;
+    match &outcome.heldout_error {
+        Some(error) => Err(miette!(
+            help = "what was found and the robot with it are written; replay and identify tell more of those logs",
+            "{error}"
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Whether every log is there and none is given twice: what was fitted says nothing of what was not.
+fn apart(logs: &[PathBuf], heldout: &[PathBuf]) -> miette::Result<()> {
+    let mut known: Vec<PathBuf> = Vec::new();
+    for path in logs.iter().chain(heldout) {
+        let place = std::fs::canonicalize(path)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot read {}", path.display()))?;
+        if known.contains(&place) {
+            return Err(miette!(
+                help = "give each log once, to fit or under --heldout",
+                "{} is given twice",
+                path.display()
+            ));
+        }
+        known.push(place);
+    }
+    Ok(())
 }
 
 fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
-    let verdict = serde_json::to_value(outcome.verdict).unwrap_or_default();
-    say(format_args!("verdict: {}", verdict.as_str().unwrap_or_default()))?;
+    say(format_args!("verdict: {}", said(outcome.verdict)))?;
     for accepted in &outcome.accepted {
         say(format_args!(
             "  {} of {} (p = {:.1e})",
@@ -99,24 +135,57 @@ fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
             set.join(", ")
         ))?;
     }
+    for alternative in outcome.alternatives.iter().flatten() {
+        let written = if alternative.in_robot {
+            ", in the robot that was written"
+        } else {
+            ""
+        };
+        say(format_args!(
+            "    {} of {}{written}:",
+            alternative.effect, alternative.target
+        ))?;
+        for (name, value) in &alternative.parameters {
+            say(format_args!("      {name} = {value}"))?;
+        }
+    }
+    for separation in &outcome.separation {
+        say(format_args!("  {separation}"))?;
+    }
     if outcome.verdict == Verdict::Unexplained {
         let share = 100.0 * outcome.unexplained.fraction;
-        say(format_args!(
-            "  {share:.0} % of what is left is structure, over {}",
-            outcome.unexplained.depends_on.join(", ")
-        ))?;
+        let over = outcome.unexplained.depends_on.join(", ");
+        let over = if over.is_empty() {
+            "nothing that was measured"
+        } else {
+            &over
+        };
+        say(format_args!("  {share:.0} % of what is left is structure, over {over}"))?;
     }
     say(format_args!(
-        "position error, rms:  nominal {:.5}  re-tuned {:.5}  final {:.5}  on held-out logs ({})",
-        outcome.nominal.heldout.overall(),
-        outcome.refit.heldout.overall(),
-        outcome.last.heldout.overall(),
+        "position error, rms:  nominal {}  re-tuned {}  final {}  on held-out logs ({})",
+        figure(outcome.nominal.heldout.overall()),
+        figure(outcome.refit.heldout.overall()),
+        figure(outcome.last.heldout.overall()),
         outcome.heldout,
     ))?;
-    if let (Some(floor), Some(closed)) = (outcome.noise_floor.value, outcome.gap_closed) {
-        say(format_args!(
-            "noise floor {floor:.5}; {:.0} % of the gap to it closed",
+    let floor = outcome.noise_floor.value.unwrap_or(0.0);
+    match outcome
+        .gap_closed
+        .filter(|_| outcome.verdict != Verdict::NoMissingEffect)
+    {
+        Some(closed) => say(format_args!(
+            "noise floor {}; {:.0} % of the gap to it closed",
+            figure(floor),
             100.0 * closed
+        ))?,
+        None => say(format_args!("noise floor {}", figure(floor)))?,
+    }
+    let (fitted, heldout) = (outcome.last.fit.overall(), outcome.last.heldout.overall());
+    if heldout > FAR_OFF * fitted.max(floor) {
+        say(format_args!(
+            "the held-out logs are {:.0} times as far off as those that were fitted: they ask what those do not show",
+            heldout / fitted.max(floor)
         ))?;
     }
     say(out.join("report.html").display())

@@ -1,14 +1,16 @@
 //! `omniwalk replay`: how far a robot's simulation is from logs of the real one.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
 use omniwalk_sim2real::identify::{self, Replay};
 use omniwalk_sim2real::recording;
 use serde_json::json;
 
 use super::load;
-use crate::terminal::say;
+use crate::report::identification::{self, figure};
+use crate::terminal::{say, tell};
 
 /// Compares logs with the simulation: the logged commands go through actuators and engine at 1 kHz.
 #[derive(clap::Args, Debug)]
@@ -28,6 +30,9 @@ pub struct Args {
     /// Also writes the result to FILE.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Also writes a page with pictures to FILE: measured and simulated over time, spectra, what the simulation lacks over what it may depend on.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -38,29 +43,57 @@ pub fn run(args: &Args) -> miette::Result<()> {
     let robot = load::held(&args.robot, args.stand)?;
     let map = args.map.as_deref().map(recording::Map::load).transpose()?;
     let recordings = load::recordings(&args.logs, map.as_ref())?;
-    let Replay { measure, torque } = identify::replay(&robot, &recordings)?;
+    let replayed = identify::replay(&robot, &recordings)?;
+    let Replay {
+        check,
+        measure,
+        lacking,
+        ..
+    } = &replayed;
+    tell(check.to_string().trim_end());
+    if measure.rmse.0.is_empty() {
+        return Err(miette!(
+            help = "what is compared begins 0.65 s after a log's start; record a few seconds",
+            "no reading of these logs can be compared"
+        ));
+    }
+    let torque = lacking.iter().filter_map(|own| Some((own.joint.as_str(), own.root()?)));
+    let torque: BTreeMap<&str, f64> = torque.collect();
     say(format_args!(
         "{:<24} {:>12} {:>12} {:>14}",
         "joint", "rmse", "mae", "lacks (rms)"
     ))?;
     for (name, rmse) in &measure.rmse.0 {
-        let lacks = torque.get(name).map_or(String::new(), |rms| format!("{rms:.4}"));
+        let lacks = torque.get(name.as_str()).copied().map_or(String::new(), figure);
         say(format_args!(
-            "{name:<24} {rmse:>12.5} {:>12.5} {lacks:>14}",
-            measure.mae.0[name]
+            "{name:<24} {:>12} {:>12} {lacks:>14}",
+            figure(*rmse),
+            figure(measure.mae.0[name])
         ))?;
     }
     say("position in rad (m); torque that the simulation lacks to follow the logs in N m (N)")?;
+    for (name, errors) in measure.by_quantity.iter().filter(|(name, _)| *name != "joint_position") {
+        say(format_args!(
+            "{:<24} {:>12} {:>12}",
+            name,
+            figure(errors["rmse"]),
+            figure(errors["mae"])
+        ))?;
+    }
     if let Some(file) = &args.json {
         let result = json!({
             "robot": robot.name,
             "logs": recordings.iter().map(|log| &log.name).collect::<Vec<_>>(),
+            "check": check,
             "rmse": measure.rmse,
             "mae": measure.mae,
             "by_quantity": measure.by_quantity,
             "torque_rms": torque,
         });
         load::write(file, &(serde_json::to_string_pretty(&result).into_diagnostic()? + "\n"))?;
+    }
+    if let Some(file) = &args.html {
+        load::write(file, &identification::replay(&robot.name, &replayed)?)?;
     }
     Ok(())
 }

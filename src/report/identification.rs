@@ -1,56 +1,112 @@
-//! The page of an identification: what was missing, errors before and after, and pictures of them.
+//! The pages of an identification and of a replay: what is missing, errors before and after, and pictures of what is left.
 
 use std::fmt::Write as _;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use omniwalk_sim2real::identify::{DT, Moment, Outcome, Trial};
+use omniwalk_sim2real::check::Check;
+use omniwalk_sim2real::identify::{Alternative, Lacking, Measure, Outcome, Parameter, Replay, Trial, Verdict};
 
 use super::ReportError;
-use super::canvas::{COLOURS, Canvas, INK, PALE};
+use super::canvas::{COLOURS, PALE};
 use super::html::{STYLE, escaped};
-use super::plot::{Line, Panel};
+use super::residual::{Predicted, pictures};
 
-/// Size of a panel, pixels.
-const PANEL: (u32, u32) = (1200, 240);
-/// Held-out logs that are drawn.
-const DRAWN: usize = 3;
-/// Points of a mean over a variable.
-const BINS: usize = 40;
-
-/// The page.
+/// The page of an identification.
 ///
 /// # Errors
 /// When a picture cannot be drawn.
 pub fn page(outcome: &Outcome) -> Result<String, ReportError> {
-    let mut out =
-        "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>omniwalk identify</title>\n".to_owned();
-    let verdict = serde_json::to_value(outcome.verdict).unwrap_or_default();
-    let _ = writeln!(
-        out,
-        "<style>{STYLE}</style>\n<h1>{}: {}</h1>",
-        escaped(&outcome.robot),
-        escaped(&verdict.as_str().unwrap_or_default().replace('_', " "))
-    );
-    let _ = writeln!(
-        out,
-        "<details><summary>the logs</summary><pre>{}</pre></details>",
-        escaped(&outcome.check.to_string())
-    );
+    let mut out = head(&outcome.robot, &said(outcome.verdict));
+    for reason in &outcome.reasons {
+        let _ = writeln!(out, "<p class=\"warning\">{}</p>", escaped(reason));
+    }
+    check(&outcome.check, &mut out);
+    if outcome.verdict == Verdict::InsufficientData {
+        return Ok(out + "</html>\n");
+    }
     information(outcome, &mut out);
     errors(outcome, &mut out);
     effects(outcome, &mut out);
-    for (d, (joint, moments)) in outcome.torque.iter().enumerate() {
-        let pictures = [overlays(outcome, d)?, torques(moments)?];
-        let _ = writeln!(out, "<h2>{}</h2>", escaped(joint));
-        for (title, png) in ["measured and simulated, held-out logs", "torque the last model lacks"]
-            .iter()
-            .zip(pictures)
-        {
-            let data = BASE64_STANDARD.encode(png);
-            let _ = writeln!(out, "<p><img alt=\"{title}\" src=\"data:image/png;base64,{data}\"></p>");
+    alike(outcome, &mut out);
+    retuned(outcome, &mut out);
+    left(outcome, &mut out);
+    rejected(outcome, &mut out);
+    let models = [
+        ("nominal", &outcome.nominal.heldout, PALE),
+        ("re-tuned", &outcome.refit.heldout, COLOURS[4]),
+        ("final", &outcome.last.heldout, COLOURS[0]),
+    ];
+    let models = models.map(|(name, measure, colour)| Predicted {
+        name,
+        of: &measure.predictions,
+        colour,
+    });
+    joints(&outcome.trials[1], &models, &outcome.lacking, &mut out)?;
+    Ok(out + "</html>\n")
+}
+
+/// The page of a replay of `robot`.
+///
+/// # Errors
+/// When a picture cannot be drawn.
+pub fn replay(robot: &str, replay: &Replay) -> Result<String, ReportError> {
+    let mut out = head(robot, "measured and simulated");
+    check(&replay.check, &mut out);
+    out += "<table><tr><th>position error, rad or m</th><th>rms</th><th>mean absolute</th></tr>\n";
+    for (joint, rmse) in &replay.measure.rmse.0 {
+        row(&mut out, joint, &[*rmse, replay.measure.mae.0[joint]]);
+    }
+    out += "</table>\n";
+    quantities(&[("", [&replay.measure].as_slice())], &mut out);
+    let simulated = [Predicted {
+        name: "simulated",
+        of: &replay.measure.predictions,
+        colour: COLOURS[0],
+    }];
+    joints(&replay.trials, &simulated, &replay.lacking, &mut out)?;
+    Ok(out + "</html>\n")
+}
+
+fn head(robot: &str, what: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+        <title>omniwalk: {0}</title>\n<style>{STYLE}</style>\n<h1>{0}: {what}</h1>\n",
+        escaped(robot)
+    )
+}
+
+/// A verdict in words.
+pub fn said(verdict: Verdict) -> String {
+    let name = serde_json::to_value(verdict).unwrap_or_default();
+    name.as_str().unwrap_or_default().replace('_', " ")
+}
+
+/// A figure in three digits.
+pub fn figure(value: f64) -> String {
+    match value.abs() {
+        _ if !value.is_finite() => "-".to_owned(),
+        0.0 => "0".to_owned(),
+        x if !(1e-6..1e6).contains(&x) => format!("{value:.2e}"),
+        x => {
+            let digits = (2.0 - x.log10().floor()).clamp(0.0, 9.0) as usize;
+            format!("{value:.digits$}")
         }
     }
-    Ok(out + "</html>\n")
+}
+
+fn row(out: &mut String, name: &str, values: &[f64]) {
+    let cells: Vec<String> = values.iter().map(|x| format!("<td>{}</td>", figure(*x))).collect();
+    let _ = writeln!(out, "<tr><td>{}</td>{}</tr>", escaped(name), cells.concat());
+}
+
+/// What the logs can carry.
+fn check(check: &Check, out: &mut String) {
+    let open = if check.usable() { "" } else { " open" };
+    let _ = writeln!(
+        out,
+        "<details{open}><summary>the logs</summary><pre>{}</pre></details>",
+        escaped(&check.to_string())
+    );
 }
 
 /// What the logs can tell of the nominal model.
@@ -58,9 +114,7 @@ fn information(outcome: &Outcome, out: &mut String) {
     *out += "<details><summary>what they can tell of the nominal model</summary>\n<table><tr><th>joint</th><th>parameter</th>\
         <th>nominal</th><th>known at best to</th></tr>\n";
     for own in &outcome.information {
-        let known = own.deviation.map_or("not, or not from others".to_owned(), |deviation| {
-            format!("{deviation:.2e}")
-        });
+        let known = own.deviation.map_or("not, or not from others".to_owned(), figure);
         let _ = writeln!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{:.4} {}</td><td>{known}</td></tr>",
@@ -76,61 +130,126 @@ fn information(outcome: &Outcome, out: &mut String) {
 fn errors(outcome: &Outcome, out: &mut String) {
     let _ = writeln!(
         out,
-        "<p>Held out: {}. Folds of the cross-validation: {}. Effects tried in a step: {}.</p>",
+        "<p>Held out: {}. Folds of the cross-validation: {}. Effects tried in a step: {}. Physics steps a second: {}.</p>",
         escaped(&outcome.heldout),
         escaped(&outcome.folds),
-        outcome.tried
+        outcome.tried,
+        outcome.physics_hz,
     );
-    *out += "<table><tr><th>position error, rms, rad or m</th><th>nominal</th><th>re-tuned</th><th>final</th></tr>\n";
-    let models = [&outcome.nominal, &outcome.refit, &outcome.last];
-    for (name, sets) in [
-        ("held out", models.map(|model| &model.heldout)),
-        ("fitted", models.map(|model| &model.fit)),
-    ] {
+    let mut models = vec![
+        ("nominal", &outcome.nominal),
+        ("re-tuned", &outcome.refit),
+        ("final", &outcome.last),
+    ];
+    models.extend(outcome.all_effects.as_ref().map(|sets| ("all effects at once", sets)));
+    let names: Vec<String> = models.iter().map(|(name, _)| format!("<th>{name}</th>")).collect();
+    let _ = writeln!(
+        out,
+        "<table><tr><th>position error, rms, rad or m</th>{}<th>floor</th><th>gap closed, %</th></tr>",
+        names.concat()
+    );
+    let of = |heldout: bool| -> Vec<&Measure> {
+        let own = models
+            .iter()
+            .map(|(_, sets)| if heldout { &sets.heldout } else { &sets.fit });
+        own.collect()
+    };
+    for (name, sets) in [("held out", of(true)), ("fitted", of(false))] {
         for joint in sets[0].rmse.0.keys() {
-            let _ = write!(out, "<tr><td>{}, {name}</td>", escaped(joint));
-            for set in sets {
-                let value = set.rmse.0.get(joint).copied().unwrap_or(f64::NAN);
-                let _ = write!(out, "<td>{value:.6}</td>");
+            let mut values: Vec<f64> = sets
+                .iter()
+                .map(|set| set.rmse.0.get(joint).copied().unwrap_or(f64::NAN))
+                .collect();
+            if name == "held out" {
+                values.extend(near(outcome, joint));
             }
-            *out += "</tr>\n";
+            row(out, &format!("{joint}, {name}"), &values);
         }
     }
     *out += "</table>\n";
-    if let Some(floor) = outcome.noise_floor.value {
-        let closed = outcome.gap_closed.map_or(String::new(), |x| {
-            format!("; {:.0} % of the gap to it closed", 100.0 * x)
-        });
-        let _ = writeln!(
-            out,
-            "<p>Floor ({}): {floor:.6}{closed}.</p>",
-            outcome.noise_floor.source
-        );
+    let _ = writeln!(
+        out,
+        "<p>The floor is that of {}.</p>",
+        floor_of(outcome.noise_floor.source)
+    );
+    quantities(&[("held out", &of(true)), ("fitted", &of(false))], out);
+}
+
+/// The floor of a joint, or of all, and how much of the gap to it is closed, %.
+fn near(outcome: &Outcome, joint: &str) -> [f64; 2] {
+    let (floor, closed) = match outcome.by_joint.get(joint) {
+        Some(own) => (own.noise_floor, own.gap_closed),
+        None => (outcome.noise_floor.value.unwrap_or(f64::NAN), outcome.gap_closed),
+    };
+    [floor, closed.map_or(f64::NAN, |share| 100.0 * share)]
+}
+
+fn floor_of(source: &str) -> &'static str {
+    match source {
+        "repeats" => "repeats of the same motion",
+        "sensor" => "the encoders' noise and of the simulation's steps",
+        _ => "no noise at all",
     }
 }
 
-fn effects(outcome: &Outcome, out: &mut String) {
-    if !outcome.accepted.is_empty() {
-        *out += "<h2>Missing effects</h2>\n<table><tr><th>effect</th><th>at</th><th>parameters</th><th>held-out error without</th>\
-            <th>with</th><th>p</th></tr>\n";
+/// Errors of what else was measured, of several models in several sets of logs.
+fn quantities(sets: &[(&str, &[&Measure])], out: &mut String) {
+    let position = "joint_position";
+    let Some((_, first)) = sets
+        .first()
+        .filter(|(_, models)| models[0].by_quantity.keys().any(|own| own != position))
+    else {
+        return;
+    };
+    let _ = writeln!(
+        out,
+        "<table><tr><th>rms of what is not fitted</th><th colspan=\"{}\">in the order above</th></tr>",
+        first.len()
+    );
+    for (set, models) in sets {
+        for name in models[0].by_quantity.keys().filter(|own| *own != position) {
+            let unit = match name.as_str() {
+                "joint_velocity" => "rad/s (m/s)",
+                "orientation" => "rad",
+                _ => "rad/s",
+            };
+            let of = |model: &&Measure| model.by_quantity.get(name).and_then(|own| own.get("rmse")).copied();
+            let values: Vec<f64> = models.iter().map(|model| of(model).unwrap_or(f64::NAN)).collect();
+            let title = format!("{}, {unit} {set}", name.replace('_', " "));
+            row(out, title.trim_end(), &values);
+        }
     }
+    *out += "</table>\n";
+}
+
+fn listed<'a>(parameters: impl Iterator<Item = (&'a &'static str, &'a Parameter)>) -> String {
+    let values: Vec<String> = parameters.map(|(name, value)| format!("{name} {value}")).collect();
+    escaped(&values.join(", "))
+}
+
+fn effects(outcome: &Outcome, out: &mut String) {
+    if outcome.accepted.is_empty() {
+        return;
+    }
+    *out += "<h2>Missing effects</h2>\n<table><tr><th>effect</th><th>at</th><th>parameters (95 % interval)</th>\
+        <th>held-out error without</th><th>with</th><th>p</th></tr>\n";
     for accepted in &outcome.accepted {
-        let parameters = accepted.parameters.iter();
-        let values: Vec<String> = parameters.map(|(name, value)| format!("{name} {value}")).collect();
         let _ = writeln!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.6}</td><td>{:.6}</td><td>{:.1e}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1e}</td></tr>",
             accepted.effect,
             escaped(&accepted.target),
-            escaped(&values.join(", ")),
-            accepted.heldout_rmse_before,
-            accepted.heldout_rmse_after,
+            listed(accepted.parameters.iter()),
+            figure(accepted.heldout_rmse_before),
+            figure(accepted.heldout_rmse_after),
             accepted.p_value
         );
     }
-    if !outcome.accepted.is_empty() {
-        *out += "</table>\n";
-    }
+    *out += "</table>\n";
+}
+
+/// What cannot be told apart, what each would be, and what would tell.
+fn alike(outcome: &Outcome, out: &mut String) {
     for set in &outcome.indistinguishable {
         let _ = writeln!(
             out,
@@ -138,15 +257,75 @@ fn effects(outcome: &Outcome, out: &mut String) {
             escaped(&set.join(", "))
         );
     }
-    if !outcome.unexplained.depends_on.is_empty() {
+    for set in &outcome.alternatives {
+        *out += "<table><tr><th>either</th><th>at</th><th>parameters (95 % interval)</th><th></th></tr>\n";
+        for Alternative {
+            effect,
+            target,
+            parameters,
+            in_robot,
+        } in set
+        {
+            let _ = writeln!(
+                out,
+                "<tr><td>{effect}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+                escaped(target),
+                listed(parameters.iter()),
+                if *in_robot { "in the robot that was written" } else { "" }
+            );
+        }
+        *out += "</table>\n";
+    }
+    for separation in &outcome.separation {
+        let _ = writeln!(out, "<p>{}.</p>", escaped(&separation.to_string()));
+    }
+}
+
+/// The nominal model's own parameters as they came out.
+fn retuned(outcome: &Outcome, out: &mut String) {
+    *out += "<details><summary>re-tuned values of what the nominal model has</summary>\n<table><tr><th>joint</th><th>parameter</th>\
+        <th>value (95 % interval)</th></tr>\n";
+    for (joint, parameters) in &outcome.retuned {
+        for (name, value) in parameters {
+            let _ = writeln!(
+                out,
+                "<tr><td>{}</td><td>{name}</td><td>{}</td></tr>",
+                escaped(joint),
+                escaped(&value.to_string())
+            );
+        }
+    }
+    *out += "</table></details>\n";
+}
+
+/// What is left, and what predicts it.
+fn left(outcome: &Outcome, out: &mut String) {
+    if outcome.verdict == Verdict::Unexplained {
+        let over = outcome.unexplained.depends_on.join(", ");
+        let over = if over.is_empty() {
+            "nothing that was measured"
+        } else {
+            &over
+        };
         let _ = writeln!(
             out,
-            "<p>Unexplained: {:.0} % of what is left, over {}.</p>",
+            "<p class=\"warning\">Unexplained: {:.0} % of what is left, over {}.</p>",
             100.0 * outcome.unexplained.fraction,
-            escaped(&outcome.unexplained.depends_on.join(", "))
+            escaped(over)
         );
     }
-    *out += "<h2>Tried and not taken</h2>\n<table><tr><th>effect</th><th>at</th><th>why</th></tr>\n";
+    *out += "<table><tr><th>joint</th><th>autocorrelation of what is left over 0.1 s</th></tr>\n";
+    for (joint, value) in &outcome.unexplained.autocorrelation {
+        row(out, joint, &[*value]);
+    }
+    *out += "</table>\n";
+}
+
+fn rejected(outcome: &Outcome, out: &mut String) {
+    if outcome.rejected.is_empty() {
+        return;
+    }
+    *out += "<details><summary>tried and not taken</summary>\n<table><tr><th>effect</th><th>at</th><th>why</th></tr>\n";
     for rejected in &outcome.rejected {
         let _ = writeln!(
             out,
@@ -156,107 +335,62 @@ fn effects(outcome: &Outcome, out: &mut String) {
             escaped(&rejected.reason)
         );
     }
-    *out += "</table>\n";
+    *out += "</table></details>\n";
 }
 
-/// Draws panels below each other.
-fn stack(panels: &[Panel<'_>]) -> Result<Vec<u8>, ReportError> {
-    let mut canvas = Canvas::new(PANEL.0, PANEL.1 * panels.len().max(1) as u32);
-    canvas.draw(|area| {
-        let areas = area.split_evenly((panels.len().max(1), 1));
-        panels.iter().zip(&areas).try_for_each(|(panel, area)| panel.draw(area))
-    })?;
-    canvas.png()
-}
-
-/// Measured and simulated positions of degree of freedom `dof`, and their difference.
-fn overlays(outcome: &Outcome, dof: usize) -> Result<Vec<u8>, ReportError> {
-    let models = [
-        ("nominal", &outcome.nominal.heldout, PALE),
-        ("re-tuned", &outcome.refit.heldout, COLOURS[4]),
-        ("final", &outcome.last.heldout, COLOURS[0]),
-    ];
-    let trials: Vec<(usize, &Trial)> = outcome.trials[1].iter().enumerate().take(DRAWN).collect();
-    let mut panels = Vec::new();
-    let titles: Vec<String> = trials
-        .iter()
-        .map(|(_, trial)| format!("{}, rad (m)", trial.name))
-        .collect();
-    for ((t, trial), title) in trials.into_iter().zip(&titles) {
-        let own = |values: &dyn Fn(usize, f64) -> f64| -> Vec<(f64, f64)> {
-            let readings = trial.readings.iter().enumerate().filter(|(_, r)| r.dof == dof);
-            readings
-                .map(|(i, r)| (trial.start + r.at * DT, values(i, r.position)))
-                .collect()
+/// What predicts the torque that a joint lacks, and its pictures.
+fn joints(
+    trials: &[Trial],
+    models: &[Predicted<'_>],
+    lacking: &[Lacking],
+    out: &mut String,
+) -> Result<(), ReportError> {
+    for (d, own) in lacking.iter().enumerate() {
+        let _ = writeln!(out, "<h2>{}</h2>", escaped(&own.joint));
+        let by = own.predicted.iter().map(|predicted| {
+            let how = if predicted.friction { " against the motion" } else { "" };
+            format!("{}{how} ({:.0} %)", predicted.by, 100.0 * predicted.share)
+        });
+        let by: Vec<String> = by.collect();
+        let by = if by.is_empty() {
+            "nothing that was measured".to_owned()
+        } else {
+            by.join(", then ")
         };
-        let line = |name: &str, colour, points| Line {
-            name: name.to_owned(),
-            colour,
-            width: 3,
-            points,
-        };
-        let mut lines = vec![line("measured", INK, own(&|_, q| q))];
-        let mut differences = Vec::new();
-        for (name, measure, colour) in models {
-            let predicted = &measure.predictions[t];
-            lines.push(line(name, colour, own(&|i, _| predicted[i])));
-            differences.push(line(name, colour, own(&|i, q| predicted[i] - q)));
+        if let Some(root) = own.root() {
+            let _ = writeln!(
+                out,
+                "<p>It lacks {} N m (N), root mean square; predicted, where that was not fitted, by {}.</p>",
+                figure(root),
+                escaped(&by)
+            );
         }
-        panels.push(Panel {
-            title,
-            lines,
-            ..Panel::default()
-        });
-        panels.push(Panel {
-            title: "simulated less measured",
-            below: "s",
-            lines: differences,
-            ..Panel::default()
-        });
+        for (title, png) in pictures(trials, d, models, own)? {
+            let data = BASE64_STANDARD.encode(png);
+            let title = escaped(&title);
+            let _ = writeln!(out, "<p><img alt=\"{title}\" src=\"data:image/png;base64,{data}\"></p>");
+        }
     }
-    stack(&panels)
+    Ok(())
 }
 
-/// The torque a model lacks, as its mean over position, velocity, motor torque and time.
-fn torques(moments: &[Moment]) -> Result<Vec<u8>, ReportError> {
-    let over = [
-        (0, "over position, rad (m)"),
-        (1, "over velocity"),
-        (3, "over motor torque"),
-        (5, "over time, s"),
-    ];
-    let panel = |&(variable, below): &(usize, &'static str)| Panel {
-        title: "torque the last model lacks, N m (N): mean of those that move forward and backward",
-        below,
-        lines: vec![
-            mean(moments, variable, "forward", true),
-            mean(moments, variable, "backward", false),
-        ],
-        ..Panel::default()
-    };
-    stack(&over.iter().map(panel).collect::<Vec<_>>())
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Mean torque in bins of equally many moments.
-fn mean(moments: &[Moment], variable: usize, name: &str, forward: bool) -> Line {
-    let mut own: Vec<(f64, f64)> = moments
-        .iter()
-        .filter(|m| (m.values[1] > 0.0) == forward)
-        .map(|m| (m.values[variable], m.torque))
-        .collect();
-    own.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let size = own.len().div_ceil(BINS).max(1);
-    let middle = |bin: &[(f64, f64)]| {
-        let n = bin.len() as f64;
-        (
-            bin.iter().map(|p| p.0).sum::<f64>() / n,
-            bin.iter().map(|p| p.1).sum::<f64>() / n,
-        )
-    };
-    Line {
-        name: name.to_owned(),
-        colour: COLOURS[usize::from(!forward)],
-        width: 3,
-        points: own.chunks(size).map(middle).collect(),
+    #[test]
+    fn figures_have_three_digits_whatever_their_size() {
+        let cases = [
+            (4.28e-5, "0.0000428"),
+            (0.00804, "0.00804"),
+            (12.345, "12.3"),
+            (-1234.5, "-1234"),
+            (1e-9, "1.00e-9"),
+            (0.0, "0"),
+            (f64::NAN, "-"),
+        ];
+        for (value, written) in cases {
+            assert_eq!(figure(value), written);
+        }
     }
 }

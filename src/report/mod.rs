@@ -20,6 +20,7 @@ pub mod motion;
 pub mod plot;
 pub mod polar;
 pub mod ray;
+pub mod residual;
 pub mod subject;
 
 use miette::Diagnostic;

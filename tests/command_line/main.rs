@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bad_run;
+mod close_the_loop;
 mod crosscheck;
 mod determinism;
 mod end_to_end;

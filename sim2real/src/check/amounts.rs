@@ -2,13 +2,15 @@
 
 use omniwalk_env::robot::Robot;
 
-use super::rules::{At, Findings, LEAST_RANGE};
+use super::findings::{At, Findings};
+use super::rules::LEAST_RANGE;
+use super::text::fixed;
 use super::{Fault, JointCheck, LogCheck};
 
 /// Fewest readings of a joint, over all logs: below it no interval of any parameter is worth its name.
 const FEWEST_READINGS: usize = 100;
-/// Least time of motion of all logs together, s.
-const LEAST_SECONDS: f64 = 1.0;
+/// Least time of motion of all logs together, s: no less than identification needs to fit to, so that one of the two says so.
+const LEAST_SECONDS: f64 = 3.0;
 
 impl Findings {
     /// Whether there is enough of everything, over all logs.
@@ -61,7 +63,9 @@ impl Findings {
         }
         let seconds: f64 = logs.iter().map(|log| log.seconds).sum();
         if seconds < LEAST_SECONDS {
-            let message = format!("{seconds:.2} s in all logs together; at least {LEAST_SECONDS} s are needed");
+            let seconds = fixed(seconds, 2);
+            let message =
+                format!("{seconds} s in all logs together; at least {LEAST_SECONDS} s are needed, and 20 s are good");
             self.refuse(Fault::TooShort, At::default(), message);
         }
         if moved == 0 && seen > 0 {

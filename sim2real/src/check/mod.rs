@@ -6,9 +6,12 @@
 
 mod amounts;
 mod channel;
+mod commands;
+mod findings;
 mod relation;
 mod rules;
 mod text;
+mod units;
 
 use omniwalk_env::robot::Robot;
 use serde::Serialize;
@@ -19,7 +22,7 @@ pub use channel::Channel;
 pub use relation::Relation;
 
 /// What is wrong with logs, by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
     /// No logs, or logs without joints.
@@ -52,6 +55,8 @@ pub enum Fault {
     Unrelated,
     /// Commands and measurements of different times.
     ClockOffset,
+    /// Times that jump: a clock that was set meanwhile, or logs that were joined.
+    ClockJump,
     /// Time without readings.
     Gaps,
     /// Readings that are far apart.
@@ -60,6 +65,8 @@ pub enum Fault {
     UnknownJoint,
     /// A joint that moves too little to say anything of it, or one way only.
     LittleMotion,
+    /// A parameter that a log overrides, and that is not used, or not everywhere.
+    UnusedOverride,
     /// What reading the file had to assume.
     Note,
 }
@@ -69,8 +76,10 @@ pub enum Fault {
 pub struct Finding {
     /// What kind of thing.
     pub fault: Fault,
-    /// The log it is in; `None` for several, or for all of them together.
+    /// The log it is in, of several the first; `None` for all of them together.
     pub log: Option<String>,
+    /// Other logs that it is true of, with other numbers perhaps.
+    pub others: usize,
     /// The joint it is about.
     pub joint: Option<String>,
     /// What is wrong and what would be right.
@@ -145,11 +154,11 @@ impl Check {
     /// Checks `recordings` of `robot`.
     pub fn new(recordings: &[Recording], robot: &Robot) -> Self {
         let logs: Vec<LogCheck> = recordings.iter().map(|recording| log_check(recording, robot)).collect();
-        let findings = rules::Findings::new(recordings, &logs, robot);
+        let findings = findings::Findings::new(recordings, &logs, robot);
         Self {
             logs,
-            refusals: findings.refusals,
-            remarks: findings.remarks,
+            refusals: findings.refusals.into_findings(),
+            remarks: findings.remarks.into_findings(),
         }
     }
 

@@ -1,45 +1,20 @@
 //! From figures to refusals and remarks.
 
-use omniwalk_env::robot::{Joint, JointKind, Robot};
+use omniwalk_env::effect::Kind;
+use omniwalk_env::robot::{Joint, Robot};
 
 use super::channel::Channel;
-use super::relation::against_command;
-use super::{Fault, Finding, JointCheck, LogCheck, robot_joint};
-use crate::recording::{CommandKind, Recording};
+use super::findings::{At, Findings};
+use super::{Fault, JointCheck, LogCheck, robot_joint};
+use crate::recording::overrides::{self, SUPPLY};
+use crate::recording::{Jump, Recording};
 
 /// Least range of motion, in units of noise or resolution, that is motion and not noise (six sigma each way).
 pub(super) const LEAST_RANGE: f64 = 12.0;
 /// Commanded range that should show in the position, rad or m, if it is also well above the resolution.
-const COMMANDED: f64 = 0.02;
+pub(super) const COMMANDED: f64 = 0.02;
 /// Lowest rate of readings that shows what a servo does, Hz.
 const LOW_RATE: f64 = 20.0;
-/// Positions may lie beyond the limits by this share of the range: stops give, zeros are off.
-const BEYOND_LIMITS: f64 = 0.25;
-/// Degrees per radian, millimetres per metre.
-const FACTORS: [(JointKind, f64, &str); 2] = [
-    (
-        JointKind::Revolute,
-        180.0 / std::f64::consts::PI,
-        "degrees, not radians",
-    ),
-    (JointKind::Prismatic, 1000.0, "millimetres, not metres"),
-];
-/// A ratio within this factor of one of those above is one of units.
-const NEAR: f64 = 2.0;
-
-/// What was found.
-#[derive(Default)]
-pub(super) struct Findings {
-    pub refusals: Vec<Finding>,
-    pub remarks: Vec<Finding>,
-}
-
-/// Where a finding is.
-#[derive(Clone, Copy, Default)]
-pub(super) struct At<'a> {
-    pub log: Option<&'a str>,
-    pub joint: Option<&'a str>,
-}
 
 impl Findings {
     pub fn new(recordings: &[Recording], logs: &[LogCheck], robot: &Robot) -> Self {
@@ -64,6 +39,10 @@ impl Findings {
                     note.as_str(),
                 );
             }
+            found.overrides(recording, robot);
+            if found.jumps(recording, log) {
+                continue;
+            }
             for check in &log.joints {
                 if let Some(joint) = robot_joint(robot, &check.name) {
                     found.joint(recording, check, joint);
@@ -73,21 +52,6 @@ impl Findings {
         }
         found.amounts(logs, robot);
         found
-    }
-
-    pub(super) fn refuse(&mut self, fault: Fault, at: At<'_>, message: impl Into<String>) {
-        self.refusals.push(finding(fault, at, message.into()));
-    }
-
-    /// What is said of several logs in the same words is said once, of no log by name.
-    pub(super) fn remark(&mut self, fault: Fault, at: At<'_>, message: impl Into<String>) {
-        let new = finding(fault, at, message.into());
-        let same = |old: &&mut Finding| (old.fault, &old.joint, &old.message) == (new.fault, &new.joint, &new.message);
-        match self.remarks.iter_mut().find(same) {
-            Some(old) if old.log == new.log => {}
-            Some(old) => old.log = None,
-            None => self.remarks.push(new),
-        }
     }
 
     /// Whether the log is of this robot, and has all its joints.
@@ -123,19 +87,11 @@ impl Findings {
                 joint: Some(name),
                 ..at
             };
-            if robot.policy.contains(&d) {
-                let message = format!(
-                    "the robot's joint `{name}` is not in the log, which has {}: log it, or lock it in the robot's TOML",
-                    in_log()
-                );
-                self.refuse(Fault::MissingJoint, at, message);
-            } else {
-                self.remark(
-                    Fault::MissingJoint,
-                    at,
-                    "not in the log; taken to stay at its nominal position",
-                );
-            }
+            let message = format!(
+                "the robot's joint `{name}` is not in the log, which has {}: log it, or lock it in the robot's TOML",
+                in_log()
+            );
+            self.refuse(Fault::MissingJoint, at, message);
         }
         for joint in recording
             .joints
@@ -152,6 +108,56 @@ impl Findings {
                 "in the log, but not a moving joint of the robot; ignored",
             );
         }
+    }
+
+    /// Overrides that change nothing, or not everywhere.
+    fn overrides(&mut self, recording: &Recording, robot: &Robot) {
+        let knows_voltage = |joint: Option<&str>| {
+            let mut own = robot.effects.iter().filter(|effect| effect.kind == Kind::SupplyVoltage);
+            own.any(|effect| joint.is_none_or(|joint| robot.dof(effect.target).name == joint))
+        };
+        let at = At {
+            log: Some(&recording.name),
+            joint: None,
+        };
+        for key in recording.overrides.keys() {
+            let (joint, name) = overrides::parts(key);
+            if name == SUPPLY && !knows_voltage(joint) {
+                let joints = joint.unwrap_or("*");
+                let message = format!(
+                    "the override `{key}` is not used, as the robot has no nominal voltage to compare it with: add `[[effect]]`, \
+                     `id = \"{SUPPLY}\"`, `match = [\"{joints}\"]`, `actual = V` and `nominal = V` to its TOML, V the voltage at which \
+                     its kp, torque and speed limits hold"
+                );
+                self.remark(Fault::UnusedOverride, at, message);
+            } else if overrides::is_tuned(key) {
+                let message = format!(
+                    "the override `{key}` holds in `replay`; `identify` re-tunes {name} to one value for all logs, unless it is zero in \
+                     the robot's TOML"
+                );
+                self.remark(Fault::UnusedOverride, at, message);
+            }
+        }
+    }
+
+    /// Whether the readings of any joint jump in time; what else would be said of them would be said of two logs.
+    fn jumps(&mut self, recording: &Recording, log: &LogCheck) -> bool {
+        let own = log.joints.iter().filter_map(|check| recording.joint(&check.name));
+        let jumps = own.filter_map(|joint| Some((joint, joint.position.jump()?)));
+        let jumps: Vec<_> = jumps.collect();
+        let Some((first, jump)) = jumps.first() else {
+            return false;
+        };
+        let at = At {
+            log: Some(&log.name),
+            joint: Some(&first.name),
+        };
+        let more = match jumps.len() - 1 {
+            0 => String::new(),
+            more => format!(", and {more} more joints jump"),
+        };
+        self.refuse(Fault::ClockJump, at, format!("{jump}{more}: {}", Jump::HELP));
+        true
     }
 
     fn joint(&mut self, recording: &Recording, check: &JointCheck, joint: &Joint) {
@@ -202,41 +208,6 @@ impl Findings {
         }
     }
 
-    /// Commands and readings have to be of the same time.
-    fn clocks(&mut self, recording: &Recording, check: &JointCheck, at: At<'_>) {
-        let Some(record) = recording.joint(&check.name) else {
-            return;
-        };
-        let ends = |series: &crate::recording::Series| Some((*series.time.first()?, *series.time.last()?));
-        let (Some(command), Some(position)) = (ends(&record.command), ends(&record.position)) else {
-            return;
-        };
-        let measured_after = position.1 - command.0;
-        if command.0 > position.1 || (position.0 - command.1 > 1.0 && check.enabled > 0.0) {
-            let message = format!(
-                "commands are from {:.3} s to {:.3} s, readings from {:.3} s to {:.3} s: their clocks differ, or they are of different logs",
-                command.0, command.1, position.0, position.1,
-            );
-            self.refuse(Fault::ClockOffset, at, message);
-        } else if measured_after < 0.5 * record.position.span() && check.enabled > 0.5 {
-            self.refuse(
-                Fault::ClockOffset,
-                at,
-                "most readings are from before the first command",
-            );
-        }
-        if let Some(relation) = check
-            .following
-            .filter(|relation| relation.best_correlation > 0.9 && relation.lag < -0.015 && relation.lag_matters())
-        {
-            let message = format!(
-                "the position moves {:.0} ms before its command: the clocks of the two are apart",
-                -1000.0 * relation.lag
-            );
-            self.remark(Fault::ClockOffset, at, message);
-        }
-    }
-
     fn stuck(&mut self, check: &JointCheck, at: At<'_>) {
         let width = |channel: &Channel| channel.range.map_or(0.0, |range| range[1] - range[0]);
         let told =
@@ -244,7 +215,8 @@ impl Findings {
         if told && width(&check.position) == 0.0 {
             let message = format!(
                 "the position reads {} throughout, while the joint is told to move: the reading is stuck",
-                check.position.range.map_or(0.0, |range| range[0])
+                // A zero without a sign.
+                check.position.range.map_or(0.0, |range| range[0]) + 0.0
             );
             self.refuse(Fault::Stuck, at, message);
         }
@@ -274,147 +246,4 @@ impl Findings {
             }
         }
     }
-
-    /// Positions beyond the limits, and ratios of about 57 between quantities that should agree.
-    fn units(&mut self, check: &JointCheck, joint: &Joint, at: At<'_>) {
-        let factor = FACTORS.iter().find(|(kind, ..)| *kind == joint.kind);
-        let Some((_, factor, words)) = factor else { return };
-        let near = |ratio: f64| (factor / NEAR..factor * NEAR).contains(&ratio);
-        if let Some(relation) = check.following.filter(|relation| relation.best_correlation > 0.7) {
-            for (ratio, what) in [(relation.ratio, "the position"), (1.0 / relation.ratio, "the command")] {
-                if near(ratio) {
-                    self.refuse(
-                        Fault::Units,
-                        at,
-                        format!(
-                            "{what} is {ratio:.0} times the other of command and position: it seems to be in {words}"
-                        ),
-                    );
-                }
-            }
-        }
-        if let Some(relation) = check
-            .velocity_to_slope
-            .filter(|relation| relation.correlation.abs() > 0.7)
-        {
-            if near(relation.ratio) {
-                self.refuse(
-                    Fault::Units,
-                    at,
-                    format!(
-                        "the velocity is {:.0} times the slope of the position: it seems to be in {words}, per second",
-                        relation.ratio
-                    ),
-                );
-            } else if !(0.5..2.0).contains(&relation.ratio) {
-                self.refuse(
-                    Fault::Units,
-                    at,
-                    format!(
-                        "the velocity is {:.3} times the slope of the position: its unit or scale is another",
-                        relation.ratio
-                    ),
-                );
-            }
-        }
-        let (lower, upper) = joint.limits;
-        let slack = BEYOND_LIMITS * (upper - lower);
-        let Some([smallest, largest]) = check.position.range.filter(|_| slack.is_finite()) else {
-            return;
-        };
-        if smallest >= lower - slack && largest <= upper + slack {
-            return;
-        }
-        let fits = smallest / factor >= lower - slack && largest / factor <= upper + slack;
-        let range = format!("positions from {smallest:.3} to {largest:.3}, limits {lower:.3} to {upper:.3}");
-        if fits && (smallest.abs().max(largest.abs())) > 3.0 * lower.abs().max(upper.abs()) {
-            self.refuse(Fault::Units, at, format!("{range}: they seem to be in {words}"));
-        } else {
-            self.refuse(
-                Fault::OutOfRange,
-                at,
-                format!("{range}: another robot, another zero, or another unit"),
-            );
-        }
-    }
-
-    fn signs(&mut self, recording: &Recording, check: &JointCheck, joint: &Joint, at: At<'_>) {
-        if let Some(relation) = check.velocity_to_slope.filter(|relation| relation.correlation < -0.5) {
-            let message = format!(
-                "the velocity goes against the slope of the position (correlation {:.2}): its sign is flipped",
-                relation.correlation
-            );
-            self.refuse(Fault::SignFlipped, at, message);
-        }
-        let Some(relation) = check.following.filter(|_| told(check) && joint.actuator.is_some()) else {
-            return;
-        };
-        if relation.correlation < -0.6 && relation.best_correlation < 0.3 {
-            let message = format!(
-                "the position goes against the commands (correlation {:.2}): the sign of one of them is flipped",
-                relation.correlation
-            );
-            self.refuse(Fault::SignFlipped, at, message);
-        } else if relation.best_correlation < 0.2 && !follows_another(recording, check) {
-            let message = format!(
-                "the joint does not follow its commands (correlation {:.2}): log and commands do not belong together",
-                relation.best_correlation
-            );
-            self.refuse(Fault::Unrelated, at, message);
-        }
-    }
-
-    /// Joints that follow each other's commands and not their own.
-    fn swaps(&mut self, recording: &Recording, log: &LogCheck) {
-        let lost: Vec<&JointCheck> = log
-            .joints
-            .iter()
-            .filter(|check| told(check) && check.following.is_some_and(|relation| relation.best_correlation < 0.5))
-            .collect();
-        for (i, one) in lost.iter().enumerate() {
-            for other in &lost[i + 1..] {
-                if follows(recording, &one.name, &other.name) && follows(recording, &other.name, &one.name) {
-                    let at = At {
-                        log: Some(&log.name),
-                        joint: Some(&one.name),
-                    };
-                    let message = format!(
-                        "`{}` and `{}` follow each other's commands: they are swapped",
-                        one.name, other.name
-                    );
-                    self.refuse(Fault::Swapped, at, message);
-                }
-            }
-        }
-    }
-}
-
-fn finding(fault: Fault, at: At<'_>, message: String) -> Finding {
-    Finding {
-        fault,
-        log: at.log.map(str::to_owned),
-        joint: at.joint.map(str::to_owned),
-        message,
-    }
-}
-
-/// Whether the motor was told to move the joint by more than its reading resolves.
-fn told(check: &JointCheck) -> bool {
-    let width = check.command.range.map_or(0.0, |range| range[1] - range[0]);
-    check.enabled > 0.2 && width > COMMANDED.max(LEAST_RANGE * check.position.resolution)
-}
-
-fn follows(recording: &Recording, joint: &str, commanded: &str) -> bool {
-    let (Some(joint), Some(other)) = (recording.joint(joint), recording.joint(commanded)) else {
-        return false;
-    };
-    let position = other.command_kind == CommandKind::Position;
-    position && against_command(joint, &other.command).is_some_and(|relation| relation.best_correlation > 0.8)
-}
-
-fn follows_another(recording: &Recording, check: &JointCheck) -> bool {
-    let others = recording.joints.iter().filter(|joint| joint.name != check.name);
-    others
-        .into_iter()
-        .any(|other| follows(recording, &check.name, &other.name))
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use omniwalk_env::robot::{Robot, load};
 
+use super::text::fixed;
 use super::*;
 use crate::recording::Series;
 
@@ -98,7 +99,7 @@ fn of_twenty_logs_that_carry_nothing_none_is_usable() {
     type Spoil = (Fault, fn(&mut Recording));
     let spoiled: [Spoil; 20] = [
         (Fault::Empty, |log| log.joints.clear()),
-        (Fault::TooShort, |log| *log = good(0.5)),
+        (Fault::TooShort, |log| *log = good(2.9)),
         (Fault::TooShort, |log| {
             for joint in &mut log.joints {
                 *joint = JointRecord {
@@ -185,6 +186,63 @@ fn positions_a_robot_cannot_have_and_no_logs_at_all_are_refused() {
     let check = Check::new(&[log], &arm());
     assert_eq!(check.refusals[0].fault, Fault::OutOfRange, "{check}");
     assert!(!Check::new(&[], &arm()).usable());
+}
+
+#[test]
+fn a_clock_that_is_set_and_commands_that_outlast_it_are_refused_once() {
+    let mut log = good(6.0);
+    for joint in &mut log.joints {
+        joint.position.time.iter_mut().skip(300).for_each(|time| *time += 1.7e9);
+    }
+    let mut told = good(6.0);
+    told.joints[1]
+        .command
+        .time
+        .iter_mut()
+        .skip(300)
+        .for_each(|time| *time += 1.7e9);
+    let check = Check::new(&[log.clone(), log, told], &arm());
+    let said: Vec<String> = check.refusals.iter().map(ToString::to_string).collect();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].starts_with("log: shoulder: time jumps: the longest pause, of 19675.9 days, is after 2.99 s"));
+    assert!(
+        said[0].contains("and 1 more joints jump: split the log there"),
+        "{}",
+        said[0]
+    );
+    assert!(
+        said[1].contains("elbow: commands are from 0.000 s to 1700000005.990 s"),
+        "{}",
+        said[1]
+    );
+}
+
+#[test]
+fn overrides_that_are_not_used_are_remarked() {
+    let mut log = good(6.0);
+    for key in ["kp", "payload.mass", "joint.elbow.supply_voltage", "kd"] {
+        log.overrides.insert(key.into(), 2.0);
+    }
+    let check = Check::new(&[log.clone(), log], &arm());
+    let unused = |finding: &&Finding| finding.fault == Fault::UnusedOverride;
+    let said: Vec<String> = check.remarks.iter().filter(unused).map(ToString::to_string).collect();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].contains("`joint.elbow.supply_voltage` is not used") && said[0].contains("match = [\"elbow\"]"));
+    assert!(
+        said[1].contains("`kd` holds in `replay`; `identify` re-tunes kd"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn zeros_have_no_sign() {
+    let written = [(-0.001, 2), (-0.0, 0), (-0.0, 3), (-1.5, 1), (0.25, 2)].map(|(value, digits)| fixed(value, digits));
+    assert_eq!(written, ["0.00", "0", "0.000", "-1.5", "0.25"]);
+    let mut log = good(6.0);
+    log.joints[0].position = series(6.0, |_| -0.0);
+    let check = Check::new(&[log], &arm());
+    assert!(check.to_string().contains("the position reads 0 throughout"), "{check}");
+    assert!(!check.to_string().contains("-0.000"), "{check}");
 }
 
 #[test]

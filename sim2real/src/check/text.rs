@@ -14,7 +14,13 @@ impl fmt::Display for Check {
             "  joint                  read Hz  jitter  gap s  repeats  command Hz  lag ms   range             fastest  coverage"
         )?;
         for log in self.logs.iter().take(LISTED) {
-            writeln!(f, "{}: {:.2} s, joints: {}", log.name, log.seconds, log.joints.len())?;
+            writeln!(
+                f,
+                "{}: {} s, joints: {}",
+                log.name,
+                fixed(log.seconds, 2),
+                log.joints.len()
+            )?;
             for joint in log.joints.iter().take(LISTED) {
                 row(f, joint)?;
             }
@@ -37,11 +43,11 @@ impl fmt::Display for Check {
 fn row(f: &mut fmt::Formatter<'_>, joint: &JointCheck) -> fmt::Result {
     let lag = joint
         .following
-        .map_or_else(|| "-".to_owned(), |relation| format!("{:.0}", 1000.0 * relation.lag));
-    let [lower, upper] = joint.excitation.range;
+        .map_or_else(|| "-".to_owned(), |relation| fixed(1000.0 * relation.lag, 0));
+    let [lower, upper] = joint.excitation.range.map(|value| fixed(value, 3));
     writeln!(
         f,
-        "  {:<22} {:>7.1} {:>7.2} {:>6.3} {:>8} {:>11.1} {:>7} {:>8.3}..{:<8.3} {:>8.2} {:>8.0} %",
+        "  {:<22} {:>7.1} {:>7.2} {:>6.3} {:>8} {:>11.1} {:>7} {:>8}..{:<8} {:>8.2} {:>8.0} %",
         joint.name,
         joint.position.rate,
         joint.position.jitter,
@@ -58,9 +64,31 @@ fn row(f: &mut fmt::Formatter<'_>, joint: &JointCheck) -> fmt::Result {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for place in [&self.log, &self.joint].into_iter().flatten() {
-            write!(f, "{place}: ")?;
+        if let Some(log) = &self.log {
+            match self.others {
+                0 => write!(f, "{log}: ")?,
+                1 => write!(f, "{log} and 1 other log: ")?,
+                others => write!(f, "{log} and {others} other logs: ")?,
+            }
+        }
+        if let Some(joint) = &self.joint {
+            write!(f, "{joint}: ")?;
         }
         f.write_str(&self.message)
     }
+}
+
+/// Largest number that is written out.
+const WRITTEN_OUT: f64 = 1e12;
+
+/// `value` with so many digits; a zero has no sign.
+pub(super) fn fixed(value: f64, digits: usize) -> String {
+    if value.abs() >= WRITTEN_OUT {
+        return format!("{value:.digits$e}");
+    }
+    let text = format!("{value:.digits$}");
+    if text.bytes().all(|byte| b"-0.".contains(&byte)) {
+        return text.trim_start_matches('-').to_owned();
+    }
+    text
 }

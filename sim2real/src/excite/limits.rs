@@ -153,6 +153,7 @@ impl<'r> Limits<'r> {
             jump: largest(&mut jumps.into_iter()),
             inertia_share: self.inertia[joint] * square.sqrt() / torque_limit,
             load_share: (heaviest - lightest) / torque_limit,
+            shows: std::collections::BTreeMap::new(),
         }
     }
 

@@ -5,12 +5,17 @@
 //! held, and all together. Amplitudes are such that position, speed and an estimate of the torque stay below the
 //! limits, and that no pair of links that the robot says may overlap does. The base is taken to be on a stand.
 
+mod examine;
 mod limits;
 mod wave;
 mod write;
 
+use std::collections::BTreeMap;
+
 use omniwalk_env::robot::Robot;
 use serde::Serialize;
+
+use crate::identify::Confused;
 
 use limits::Limits;
 use wave::{Shape, Wave};
@@ -54,6 +59,9 @@ pub struct Information {
     pub inertia_share: f64,
     /// Range of the gravity torque over the torque limit: what load-dependent friction and mass depend on.
     pub load_share: f64,
+    /// By effect of the library, at a typical size: root mean square of what it changes of the joint's readings that re-tuning the nominal model
+    /// does not, rad or m. Of motions of this joint alone, once they were [examined](Plan::examine).
+    pub shows: BTreeMap<String, f64>,
 }
 
 /// The motions for a robot, and joints that are left out with the reason.
@@ -63,9 +71,31 @@ pub struct Plan {
     pub motions: Vec<Motion>,
     /// What could not be done.
     pub notes: Vec<String>,
+    /// Effects that the motions of their joint do not show apart, once they were [examined](Self::examine).
+    pub confused: Vec<Confused>,
+}
+
+/// `robot`, all of whose joints with an actuator are commanded where it has none for a policy: a rig's turn without limits.
+pub fn commanded(robot: &Robot) -> Robot {
+    let mut robot = robot.clone();
+    if robot.policy.is_empty() {
+        let actuated = |&dof: &usize| robot.dof(dof).actuator.is_some();
+        robot.policy = (0..robot.dofs.len()).filter(actuated).collect();
+    }
+    robot
 }
 
 impl Plan {
+    /// The motions of one of the policy's joints of `robot`, the others held.
+    pub fn alone(robot: &Robot, joint: usize) -> Self {
+        let limits = Limits::new(robot);
+        let mut plan = Self::default();
+        for shape in Shape::ALL {
+            plan.add(&limits, shape, &[joint]);
+        }
+        plan
+    }
+
     /// The motions for the policy's joints of `robot`.
     pub fn new(robot: &Robot) -> Self {
         let limits = Limits::new(robot);

@@ -34,7 +34,7 @@ pub fn write(plan: &Plan, robot: &Robot, folder: &Path) -> Result<(), LogError> 
         let seconds = motion.targets.len() as f64 / COMMAND_RATE;
         json!({ "name": motion.name, "seconds": seconds, "joints": motion.information })
     });
-    let about = json!({ "robot": robot.name, "motions": motions.collect::<Vec<_>>(), "notes": plan.notes });
+    let about = json!({ "robot": robot.name, "motions": motions.collect::<Vec<_>>(), "notes": plan.notes, "confused": plan.confused });
     let path = folder.join("motions.json");
     fs::write(&path, format!("{about:#}\n")).map_err(io(&path))
 }

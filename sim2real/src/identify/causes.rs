@@ -9,12 +9,12 @@ use omniwalk_env::robot::Robot;
 
 use super::fit::Fit;
 use super::leftover::Leftover;
-use super::model::{Tuned, joint_of};
+use super::model::{Model, Tuned, joint_of};
 use super::own::Own;
 use super::select::Selector;
 
 /// Something that moves several numbers as one.
-struct Cause {
+struct Scaling {
     /// Its names.
     kinds: &'static [Kind],
     /// What it scales.
@@ -25,14 +25,14 @@ struct Cause {
     alone: bool,
 }
 
-const CAUSES: [Cause; 2] = [
-    Cause {
+const SCALINGS: [Scaling; 2] = [
+    Scaling {
         kinds: &[Kind::SupplyVoltage],
         scaled: &[Own::KpScale, Own::TorqueLimit, Own::SpeedLimit],
         kept: &[],
         alone: false,
     },
-    Cause {
+    Scaling {
         kinds: &[Kind::Payload, Kind::Mass],
         scaled: &[Own::KpScale, Own::Kd, Own::TorqueLimit],
         kept: &[Own::SpeedLimit],
@@ -42,39 +42,53 @@ const CAUSES: [Cause; 2] = [
 /// Least distance of a number's factor from one.
 const OFF: f64 = 0.03;
 
+/// Re-tuned numbers of a joint, and what would do as well.
+pub struct Cause {
+    /// Names of all of them.
+    pub names: Vec<String>,
+    /// Each effect that would, with the model that has it in their place.
+    pub effects: Vec<((Kind, usize), Model)>,
+}
+
 /// Sets of what cannot be told apart: for each joint some of whose numbers are off in the same direction, without which they predict worse,
 /// the causes that would do as well and what they scale. `intervals` are half widths of the numbers of `fit` in their order. Where structure
 /// is `left` of a joint, its numbers have bent to that.
-pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64], left: &Leftover) -> Vec<Vec<String>> {
+pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64], left: &Leftover) -> Vec<Cause> {
     let robot = selector.robot;
     let one = |dof: usize| {
-        let (mut kinds, mut scaled) = (Vec::new(), Vec::new());
-        for cause in CAUSES.iter().filter(|cause| !cause.alone || robot.dofs.len() == 1) {
-            let Some(own) = cause.scaled(fit, intervals, dof) else {
+        let (mut effects, mut scaled) = (Vec::new(), Vec::new());
+        for scaling in SCALINGS
+            .iter()
+            .filter(|scaling| !scaling.alone || robot.dofs.len() == 1)
+        {
+            let Some(own) = scaling.scaled(fit, intervals, dof) else {
                 continue;
             };
-            let named = cause
-                .kinds
-                .iter()
-                .filter(|&&kind| cause.explains(kind, selector, fit, dof));
-            let named: Vec<Kind> = named.copied().collect();
+            let named = scaling.kinds.iter();
+            let named = named.filter_map(|&kind| scaling.in_place(kind, selector, fit, dof));
+            let named: Vec<_> = named.collect();
             if !named.is_empty() && selector.retuning_helps(fit, dof, &own, robot.dofs.len()) {
-                kinds.extend(named);
+                effects.extend(named);
                 scaled.extend(own);
             }
         }
         let name = &robot.dof(dof).name;
         let numbers = Own::ALL.into_iter().filter(|own| scaled.contains(own));
         let numbers = numbers.map(|own| format!("{} of {name}", own.key()));
-        let kinds = kinds.into_iter().map(|kind: Kind| kind.id().to_owned());
-        kinds.chain(numbers).collect::<Vec<String>>()
+        let kinds = effects
+            .iter()
+            .map(|((kind, _), _): &((Kind, usize), Model)| kind.id().to_owned());
+        Cause {
+            names: kinds.chain(numbers).collect(),
+            effects,
+        }
     };
     let explained = |dof: &usize| left.structured().all(|left| left.dof != *dof);
     let sets = (0..robot.dofs.len()).filter(explained).map(one);
-    sets.filter(|set| !set.is_empty()).collect()
+    sets.filter(|set| !set.names.is_empty()).collect()
 }
 
-impl Cause {
+impl Scaling {
     /// The numbers of degree of freedom `dof` that it scales and the logs tell, if they are off in the same direction.
     fn scaled(&self, fit: &Fit, intervals: &[f64], dof: usize) -> Option<Vec<Own>> {
         let (own, factors) = factors(fit, intervals, dof, self.scaled);
@@ -83,11 +97,12 @@ impl Cause {
         (told && off_alike(&factors)).then_some(own)
     }
 
-    /// Whether `kind` beside the nominal values of what it scales and keeps does what re-tuning them does.
-    fn explains(&self, kind: Kind, selector: &Selector<'_>, fit: &Fit, dof: usize) -> bool {
+    /// `kind` and its target, with the model where it stands beside the nominal values of what it scales and keeps, if it does what
+    /// re-tuning them does.
+    fn in_place(&self, kind: Kind, selector: &Selector<'_>, fit: &Fit, dof: usize) -> Option<((Kind, usize), Model)> {
         let own = [self.scaled, self.kept].concat();
-        let target = target(kind, dof, selector.robot);
-        target.is_some_and(|target| selector.stands_for(fit, dof, &own, (kind, target)))
+        let effect = (kind, target(kind, dof, selector.robot)?);
+        Some((effect, selector.standing_for(fit, dof, &own, effect)?))
     }
 }
 

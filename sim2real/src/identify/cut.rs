@@ -1,9 +1,12 @@
 //! Cuts a log into the pieces that are followed.
 
+use std::sync::Arc;
+
 use omniwalk_env::robot::{Base, Robot};
 
 use super::base::MeasuredBase;
 use super::landings::landings;
+use super::motion::Motion;
 use super::state::{Near, state};
 use super::trial::{DT, LEAD, Reading, Told, Trial, TrialError, steps};
 use crate::recording::{CommandKind, JointRecord, Recording, Series};
@@ -167,6 +170,7 @@ impl Source<'_> {
                 .collect(),
             shift: vec![0.0; base.map_or(0, |_| super::starts::size(joints.len()))],
             starts: None,
+            motion: Arc::new(Motion::new(recording, joints, start, (from, to), base.is_some())),
             base,
             measured: joints.iter().map(|j| linear(&j.position, &times)).collect(),
             conditions: conditions
@@ -193,7 +197,7 @@ fn end(series: &Series) -> f64 {
     series.time.last().copied().unwrap_or(f64::NEG_INFINITY)
 }
 
-/// The record of every degree of freedom.
+/// The record of every degree of freedom. Pieces take memory by the time that they span, which readings without a jump bound.
 fn joints<'a>(robot: &Robot, recording: &'a Recording) -> Result<Vec<&'a JointRecord>, TrialError> {
     let names: Vec<&str> = (0..robot.dofs.len()).map(|d| robot.dof(d).name.as_str()).collect();
     if !recording
@@ -218,6 +222,13 @@ fn joints<'a>(robot: &Robot, recording: &'a Recording) -> Result<Vec<&'a JointRe
         let joint = recording.joint(name).ok_or_else(|| missing("record"))?;
         if joint.position.len() < 2 {
             return Err(missing("measured positions"));
+        }
+        if let Some(jump) = joint.position.jump() {
+            return Err(TrialError::Jump {
+                log: recording.name.clone(),
+                joint: (*name).to_owned(),
+                jump,
+            });
         }
         if joint.command.is_empty() && robot.dof(d).actuator.is_some() {
             return Err(missing("commands"));

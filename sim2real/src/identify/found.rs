@@ -8,6 +8,7 @@ use super::information::Information;
 use super::leftover::Leftover;
 use super::model::Model;
 use super::select::{Alike, Rejected};
+use super::separate::Separation;
 
 /// What was found; degrees of freedom and links are those of the robot it was looked for in.
 pub struct Found {
@@ -29,6 +30,8 @@ pub struct Found {
     pub alike: Vec<Alike>,
     /// Sets of re-tuned numbers with what would move them as one.
     pub causes: Vec<Vec<String>>,
+    /// What would tell apart what cannot be told apart.
+    pub separations: Vec<Separation>,
     /// Effects tried in the largest step.
     pub tried: usize,
     /// What is left.
@@ -54,16 +57,7 @@ impl Found {
     fn of_whole(mut self, limb: &Limb, dofs: usize) -> Self {
         let models = [&mut self.refit, &mut self.last, &mut self.left.model].into_iter();
         let models = models.chain(&mut self.without).chain(&mut self.all_at_once);
-        for model in models {
-            model
-                .tuned
-                .iter_mut()
-                .for_each(|tuned| tuned.dof = limb.dofs[tuned.dof]);
-            model
-                .terms
-                .iter_mut()
-                .for_each(|term| term.target = of_whole(limb, term.kind, term.target));
-        }
+        models.for_each(|model| lift(model, limb));
         for rejected in &mut self.rejected {
             rejected.target = of_whole(limb, rejected.kind, rejected.target);
         }
@@ -101,6 +95,7 @@ impl Found {
             rejected: [self.rejected, other.rejected].concat(),
             alike: [self.alike, other.alike].concat(),
             causes: [self.causes, other.causes].concat(),
+            separations: [self.separations, other.separations].concat(),
             tried: self.tried.max(other.tried),
             left: self.left.and(other.left),
             floor: self.floor.and(&other.floor),
@@ -108,6 +103,16 @@ impl Found {
             folds: self.folds,
             finer: self.finer.max(other.finer),
         }
+    }
+}
+
+/// Makes a `model` of a limb one of the whole robot.
+pub fn lift(model: &mut Model, limb: &Limb) {
+    for tuned in &mut model.tuned {
+        tuned.dof = limb.dofs[tuned.dof];
+    }
+    for term in &mut model.terms {
+        term.target = of_whole(limb, term.kind, term.target);
     }
 }
 

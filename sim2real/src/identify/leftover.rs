@@ -1,11 +1,13 @@
 //! Noise or structure: what the residual of a model depends on.
 
 use omniwalk_env::engine::EngineError;
+use omniwalk_env::robot::Robot;
 
 use super::candidates::Ripples;
 use super::fit::{Data, total};
 use super::floor::Floor;
 use super::found::sums;
+use super::lacking::Lacking;
 use super::model::{Model, Term, joint_of};
 use super::noise;
 use super::scales::Scales;
@@ -82,6 +84,14 @@ pub struct Left {
     /// Whether it is structure: more than noise, and predicted or far more.
     pub structured: bool,
     losses: Losses,
+}
+
+impl Left {
+    /// For the report, of a joint of `robot`.
+    pub fn lacking(&self, robot: &Robot) -> Lacking {
+        let name = &robot.dof(self.dof).name;
+        Lacking::new(name, self.names.clone(), self.moments.clone(), &self.depends_on)
+    }
 }
 
 /// What the last model leaves.

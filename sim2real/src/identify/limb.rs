@@ -14,7 +14,8 @@ use super::leftover::{self, COARSE, TOO_COARSE};
 use super::model::{Model, Term};
 use super::own::Own;
 use super::scales::Scales;
-use super::select::{LESSER, Selection, Selector};
+use super::select::{Count, LESSER, Selection, Selector};
+use super::separate::Logs;
 use super::trial::Trial;
 use super::{IdentifyError, causes, information, interval};
 
@@ -71,6 +72,13 @@ pub fn find(
     let intervals = interval::intervals(&selector, &selection.last);
     let right: Vec<f64> = intervals.iter().map(|half| half.right).collect();
     let common = causes::sets(&selector, &selection.last, &right, &left);
+    let logs = Logs {
+        robot,
+        data: &data,
+        scales: &scales,
+        floor: &floor,
+    };
+    let separations = logs.separations(&selection, &common);
     let last = &selection.last.model;
     let without = |i: usize| {
         let mut without = last.clone();
@@ -86,7 +94,8 @@ pub fn find(
         p_values: selection.p_values,
         rejected: selection.rejected,
         alike: selection.alike,
-        causes: common,
+        causes: common.into_iter().map(|cause| cause.names).collect(),
+        separations,
         tried: selection.tried,
         left,
         floor,
@@ -97,11 +106,63 @@ pub fn find(
     Ok((found, Arc::unwrap_or_clone(data.trials)))
 }
 
+/// Every effect at once beside the re-tuned model of `robot`, a limb or a whole robot, fitted to `trials`, and the physics steps a millisecond
+/// that suffice for the re-tuned model: what the choice is compared with.
+///
+/// # Errors
+/// As [`find`].
+pub fn all_at_once(robot: &Robot, trials: Vec<Trial>) -> Result<(Model, usize), IdentifyError> {
+    let scales = Scales::new(robot, &trials);
+    let mut data = Data::new(robot, trials)?;
+    let nominal = Model::nominal(robot, &data.trials);
+    let folds = Folds::new(&data);
+    let way = Way {
+        robot,
+        scales: &scales,
+        folds: &folds,
+        limbs: 1,
+        log: &|_| {},
+    };
+    data.weights = leftover::weights(&data, &nominal);
+    let mut tuned = way.retuned(&data, &nominal);
+    data.fit_starts(&tuned)?;
+    if !data.is_free() && leftover::is_coarse(&data, &tuned, TOO_COARSE)? {
+        data.finer = FINER;
+        tuned = data.fit(&tuned, &scales, &|_| true).model;
+    }
+    data.weights = leftover::weights(&data, &tuned);
+    let floor = Floor::new(&data, &tuned, &scales)?;
+    let selector = Selector::new(robot, &data, &scales, &folds, &floor);
+    Ok((selector.all_at_once(&tuned), data.finer))
+}
+
 /// What was chosen at a physics step, and the floor there.
 type Choice = (Selection, Floor);
 
-/// Where steps begin: the re-tuned model, the effects it has already, and what may take their place.
-type From<'a> = (&'a Model, &'a [Term], Option<&'a [(Kind, usize)]>);
+/// Where steps begin.
+#[derive(Clone, Copy)]
+struct Start<'a> {
+    /// The re-tuned model.
+    tuned: &'a Model,
+    /// The effects it has already.
+    terms: &'a [Term],
+    /// Among how many those were chosen.
+    counts: &'a [Count],
+    /// What may take their place; all when `None`.
+    rivals: Option<&'a [(Kind, usize)]>,
+}
+
+impl<'a> Start<'a> {
+    /// From `tuned` without effects.
+    fn bare(tuned: &'a Model) -> Self {
+        Self {
+            tuned,
+            terms: &[],
+            counts: &[],
+            rivals: None,
+        }
+    }
+}
 
 /// What all stages work with.
 struct Way<'a> {
@@ -122,19 +183,26 @@ impl Way<'_> {
         data.fit_starts(&tuned)?;
         if data.is_free() {
             // A finer step is another model of contact too: what the step changes counts as the floor's.
-            return self.steps(data, (&tuned, &[], None));
+            return self.steps(data, Start::bare(&tuned));
         }
         if leftover::is_coarse(data, &tuned, TOO_COARSE)? {
-            return self.fine(data, (&tuned, &[], None));
+            return self.fine(data, Start::bare(&tuned));
         }
-        let (selection, floor) = self.steps(data, (&tuned, &[], None))?;
+        let (selection, floor) = self.steps(data, Start::bare(&tuned))?;
         if !leftover::is_coarse(data, &selection.last.model, COARSE)? {
             return Ok((selection, floor));
         }
         (self.log)("the physics step is too coarse for what was found: on with a finer one");
         let rivals = selection.rivals();
         tuned.tuned.clone_from(&selection.refit.model.tuned);
-        self.fine(data, (&tuned, &selection.last.model.terms, Some(&rivals)))
+        let start = Start {
+            tuned: &tuned,
+            terms: &selection.last.model.terms,
+            counts: &selection.counts,
+            rivals: Some(&rivals),
+        };
+        let (finer, floor) = self.fine(data, start)?;
+        Ok((finer.after(selection), floor))
     }
 
     /// The nominal model re-tuned, from its values and with lower torque limits: a limit that the nominal robot does not reach has no
@@ -152,14 +220,15 @@ impl Way<'_> {
     }
 
     /// The same at a finer physics step.
-    fn fine(&self, data: &mut Data, (tuned, terms, rivals): From<'_>) -> Result<Choice, EngineError> {
+    fn fine(&self, data: &mut Data, start: Start<'_>) -> Result<Choice, EngineError> {
         data.finer = FINER;
-        let tuned = data.fit(tuned, self.scales, &|_| true).model;
-        self.steps(data, (&tuned, terms, rivals))
+        let tuned = &data.fit(start.tuned, self.scales, &|_| true).model;
+        self.steps(data, Start { tuned, ..start })
     }
 
     /// Steps at the data's physics step.
-    fn steps(&self, data: &mut Data, (tuned, terms, rivals): From<'_>) -> Result<Choice, EngineError> {
+    fn steps(&self, data: &mut Data, start: Start<'_>) -> Result<Choice, EngineError> {
+        let tuned = start.tuned;
         data.weights = leftover::weights(data, tuned);
         let mut floor = Floor::new(data, tuned, self.scales)?;
         if data.is_free() {
@@ -174,16 +243,23 @@ impl Way<'_> {
             data.finer
         ));
         let selector = Selector {
-            rivals,
+            rivals: start.rivals,
             limbs: self.limbs,
+            counts: start.counts,
             ..Selector::new(self.robot, data, self.scales, self.folds, &floor)
         };
-        let selection = selector.run(tuned, terms, self.log);
+        let selection = selector.run(tuned, start.terms, self.log);
         let Some(better) = self.better_tuned(data, &selection) else {
             return Ok((selection, floor));
         };
         (self.log)("from there re-tuning alone does better than before: again");
-        self.steps(data, (&better, &selection.last.model.terms, rivals))
+        let again = Start {
+            tuned: &better,
+            terms: &selection.last.model.terms,
+            counts: &selection.counts,
+            ..start
+        };
+        self.steps(data, again)
     }
 
     /// The re-tuned model without effects where the way over them has led it out of a lesser minimum: what was found beside that may

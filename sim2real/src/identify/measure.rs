@@ -52,35 +52,21 @@ pub(super) fn measure_each(robot: &Robot, trials: &[(Robot, &Trial)], finer: usi
         .map(|(own, trial)| starts::predict(trial, std::slice::from_ref(own), finer))
         .collect();
     let predictions = predictions?;
-    let mut measure = Measure::default();
-    let dofs = robot.dofs.len();
-    let mut sums = vec![(0.0, 0.0, 0.0_f64); dofs];
+    let mut sums = Sums::new(robot.dofs.len());
     for ((_, trial), predicted) in trials.iter().zip(&predictions) {
         for (reading, p) in trial.readings.iter().zip(predicted) {
-            let error = p - reading.position;
-            let sum = &mut sums[reading.dof];
-            sum.0 += error * error;
-            sum.1 += error.abs();
-            sum.2 += 1.0;
+            sums.add(reading.dof, p - reading.position);
         }
     }
-    let mut overall = (0.0, 0.0, 0.0);
-    // Radians where any joint turns.
-    let turning = (0..dofs).any(|d| robot.dof(d).kind == JointKind::Revolute);
-    for (d, (squares, absolute, count)) in sums.into_iter().enumerate().filter(|(_, sum)| sum.2 > 0.0) {
-        let joint = robot.dof(d);
-        measure.rmse.0.insert(joint.name.clone(), (squares / count).sqrt());
-        measure.mae.0.insert(joint.name.clone(), absolute / count);
-        if (joint.kind == JointKind::Revolute) == turning {
-            overall = (
-                overall.0 + squares / count,
-                overall.1 + absolute / count,
-                overall.2 + 1.0,
-            );
+    let mut measure = Measure::default();
+    for d in 0..robot.dofs.len() {
+        let name = &robot.dof(d).name;
+        if let Some((rmse, mae)) = sums.of(d) {
+            measure.rmse.0.insert(name.clone(), rmse);
+            measure.mae.0.insert(name.clone(), mae);
         }
     }
-    if overall.2 > 0.0 {
-        let (rmse, mae) = ((overall.0 / overall.2).sqrt(), overall.1 / overall.2);
+    if let Some((rmse, mae)) = sums.overall(robot) {
         measure.rmse.0.insert("overall".into(), rmse);
         measure.mae.0.insert("overall".into(), mae);
         let own = BTreeMap::from([("rmse".to_owned(), rmse), ("mae".to_owned(), mae)]);
@@ -88,4 +74,43 @@ pub(super) fn measure_each(robot: &Robot, trials: &[(Robot, &Trial)], finer: usi
     }
     measure.predictions = predictions;
     Ok(measure)
+}
+
+/// Sums of squared and of absolute errors and their number, by degree of freedom.
+pub(super) struct Sums(Vec<(f64, f64, f64)>);
+
+impl Sums {
+    pub fn new(dofs: usize) -> Self {
+        Self(vec![(0.0, 0.0, 0.0); dofs])
+    }
+
+    pub fn add(&mut self, dof: usize, error: f64) {
+        let sum = &mut self.0[dof];
+        *sum = (sum.0 + error * error, sum.1 + error.abs(), sum.2 + 1.0);
+    }
+
+    /// Adds those of other readings.
+    pub fn and(&mut self, other: &Self) {
+        for (sum, more) in self.0.iter_mut().zip(&other.0) {
+            *sum = (sum.0 + more.0, sum.1 + more.1, sum.2 + more.2);
+        }
+    }
+
+    /// Root mean square and mean absolute error of a degree of freedom, if it was read.
+    pub fn of(&self, dof: usize) -> Option<(f64, f64)> {
+        let (squares, absolute, count) = self.0[dof];
+        (count > 0.0).then(|| ((squares / count).sqrt(), absolute / count))
+    }
+
+    /// The same over all degrees of freedom of one unit: radians where any joint of `robot` turns.
+    pub fn overall(&self, robot: &Robot) -> Option<(f64, f64)> {
+        let turns = |d: usize| robot.dof(d).kind == JointKind::Revolute;
+        let turning = (0..self.0.len()).any(turns);
+        let own = (0..self.0.len()).filter(|&d| turns(d) == turning && self.0[d].2 > 0.0);
+        let (mut squares, mut absolute, mut dofs) = (0.0, 0.0, 0.0);
+        for (s, a, count) in own.map(|d| self.0[d]) {
+            (squares, absolute, dofs) = (squares + s / count, absolute + a / count, dofs + 1.0);
+        }
+        (dofs > 0.0).then(|| ((squares / dofs).sqrt(), absolute / dofs))
+    }
 }

@@ -23,22 +23,28 @@ mod descent;
 mod fit;
 mod floor;
 mod found;
+mod heldout;
 mod information;
 mod interval;
+mod lacking;
 mod landings;
 mod leftover;
 mod limb;
 mod measure;
 mod model;
+mod motion;
 mod noise;
 mod outcome;
 mod own;
+mod rehearsed;
 mod report;
 mod rollout;
 mod rough;
 mod scales;
 mod screen;
 mod select;
+mod separate;
+mod shown;
 mod split;
 mod starts;
 mod state;
@@ -48,13 +54,16 @@ mod windows;
 mod write;
 
 pub use information::Information;
+pub use lacking::{Lacking, Predicted};
 pub use measure::{Errors, Measure, measure};
-pub use report::{Accepted, Outcome, Parameter, Rejected, Sets, Verdict};
+pub use report::{Accepted, Alternative, Outcome, Parameter, Rejected, Sets, Verdict};
 pub use scales::{JointScale, Scales};
+pub use separate::Separation;
+pub use shown::{Confused, shown};
 pub use torque::{Moment, lacking, names};
 pub use trial::{DT, Trial, TrialError};
 
-use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::{Base, Robot, RobotError};
@@ -63,6 +72,7 @@ use crate::check::Check;
 use crate::recording::{Recording, RecordingError};
 use fit::Data;
 use found::Found;
+use heldout::Heldout;
 use limb::Search;
 use model::Model;
 use split::Split;
@@ -116,10 +126,14 @@ pub struct Task<'a> {
 
 /// How far a simulation is from logs.
 pub struct Replay {
+    /// What the logs can carry.
+    pub check: Check,
     /// In measured quantities.
     pub measure: Measure,
-    /// Root mean square of the torque that the simulation lacks to follow the logs, by joint, N m or N.
-    pub torque: BTreeMap<String, f64>,
+    /// Pieces of the logs that were followed.
+    pub trials: Vec<Trial>,
+    /// Of every joint: what its simulation lacks to follow the logs.
+    pub lacking: Vec<Lacking>,
 }
 
 /// Runs the logged commands through `robot`'s simulation and compares with the readings: whole logs where the base is held, stretches
@@ -128,37 +142,34 @@ pub struct Replay {
 /// # Errors
 /// [`IdentifyError`] when logs and robot do not fit together.
 pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError> {
+    let check = Check::new(logs, robot);
     let trials = split::all(robot, logs)?;
     let scales = Scales::new(robot, &trials);
     let mut data = Data::new(robot, trials)?;
     data.fit_starts(&Model::default())?;
-    let measure = measure(robot, &data.trials, 1)?;
-    let root = |moments: &Vec<Moment>| {
-        let squares: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
-        (squares / moments.len().max(1) as f64).sqrt()
-    };
-    let lacking = lacking(&data, &Model::default(), &scales)?;
-    let torque = lacking
-        .iter()
-        .enumerate()
-        .map(|(d, own)| (robot.dof(d).name.clone(), root(own)));
     Ok(Replay {
-        torque: torque.collect(),
-        measure,
+        check,
+        measure: outcome::measured(robot, &Model::default(), &data.trials, 1)?,
+        lacking: lacking::of_joints(robot, &data, &scales)?,
+        trials: Arc::unwrap_or_clone(data.trials),
     })
 }
 
 /// Identifies the effects that the robot's model lacks; `log` hears of progress.
 ///
 /// # Errors
-/// [`IdentifyError`]. Logs that cannot carry an answer are no error: the verdict says so.
+/// [`IdentifyError`]. Logs that cannot carry an answer are no error: the verdict says so. Nor are held-out logs that cannot be compared:
+/// the outcome says so.
 pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError> {
     let robot = task.robot;
-    let mut split = split::split(robot, &task.logs, task.heldout.is_some())?;
     let check = Check::new(&task.logs, robot);
     log(check.to_string().trim_end());
-    let mut reasons: Vec<String> = check.refusals.iter().map(ToString::to_string).collect();
-    reasons.extend(split::insufficient(robot, &split.fit));
+    let refusals: Vec<String> = check.refusals.iter().map(ToString::to_string).collect();
+    if !refusals.is_empty() {
+        return Ok(Outcome::insufficient(robot, refusals, check));
+    }
+    let mut split = split::split(robot, &task.logs, task.heldout.is_some())?;
+    let mut reasons = split::insufficient(robot, &split.fit);
     if reasons.is_empty() {
         reasons.extend(leave_disagreed(robot, &mut split, log)?);
     }
@@ -172,16 +183,15 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
             check,
         ));
     };
-    // The last choice is made: what was held out may be opened.
-    let heldout = match task.heldout {
-        Some(open) => split::all(robot, &open()?)?,
-        None => split.heldout.clone(),
-    };
-    let heldout = split::agreed(robot, heldout)?;
     let with = write::extended(task, &found)?;
     let mut corrected = omniwalk_env::robot::load(&with)?;
     // What walks freely may have been identified on a stand.
     (corrected.base, corrected.base_pose) = (robot.base, robot.base_pose);
+    // The last choice is made: what was held out may be opened.
+    let heldout = match task.heldout {
+        Some(open) => heldout::opened(robot, open, log),
+        None => Heldout::of(split::agreed(robot, split.heldout.clone())?),
+    };
     let parts = outcome::Parts {
         robot,
         corrected: &corrected,
@@ -192,6 +202,27 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
         check: &check,
     };
     outcome::outcome(parts, heldout)
+}
+
+/// Errors of every effect at once, fitted to `logs`, there and on `heldout`: what identification is compared with, without it.
+///
+/// # Errors
+/// [`IdentifyError`] when logs and robot do not fit together.
+pub fn all_at_once(robot: &Robot, logs: &[Recording], heldout: &[Recording]) -> Result<Sets, IdentifyError> {
+    let mut split = split::split(robot, logs, true)?;
+    leave_disagreed(robot, &mut split, &|_| {})?;
+    let heldout = split::agreed(robot, split::all(robot, heldout)?)?;
+    let (mut whole, mut finest) = (Model::default(), 1);
+    for limb in robot.limbs() {
+        let trials = split.fit.iter().map(|trial| trial.of_limb(robot, &limb)).collect();
+        let (mut model, finer) = limb::all_at_once(&limb.robot, windows::chosen(&limb.robot, trials))?;
+        found::lift(&mut model, &limb);
+        (whole, finest) = (whole.and(&model), finest.max(finer));
+    }
+    Ok(Sets {
+        fit: outcome::measured(robot, &whole, &split.fit, finest)?,
+        heldout: outcome::measured(robot, &whole, &heldout, finest)?,
+    })
 }
 
 /// Looks at every limb by itself: nothing of another one's motion is in its own. What was found comes with the pieces of logs, their starts

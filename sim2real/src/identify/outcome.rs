@@ -7,12 +7,16 @@ use omniwalk_env::robot::{JointKind, Robot};
 
 use super::IdentifyError;
 use super::found::Found;
-use super::measure::{Measure, measure, measure_each};
+use super::heldout::Heldout;
+use super::measure::{Measure, measure_each};
 use super::model::Model;
-use super::report::{Accepted, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained, Verdict};
+use super::motion;
+use super::report::{
+    Accepted, Alternative, JointGap, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained, Verdict,
+};
 use super::scales::Scales;
 use super::split::Split;
-use super::trial::Trial;
+use super::trial::{Trial, TrialError};
 use crate::check::Check;
 
 /// What an outcome is made of.
@@ -37,24 +41,29 @@ pub struct Parts<'a> {
 ///
 /// # Errors
 /// When a held-out log does not fit the robot.
-pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, IdentifyError> {
+pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyError> {
+    let Heldout {
+        trials: heldout,
+        left_out,
+        error,
+    } = heldout;
     let Parts {
         robot, found, split, ..
     } = parts;
     let sets = |model: &Model| -> Result<Sets, IdentifyError> {
         Ok(Sets {
-            fit: measure_model(robot, model, parts.fitted, found.finer)?,
-            heldout: measure_model(robot, model, &heldout, found.finer)?,
+            fit: measured(robot, model, parts.fitted, found.finer)?,
+            heldout: measured(robot, model, &heldout, found.finer)?,
         })
     };
     let (nominal, refit) = (sets(&Model::default())?, sets(&found.refit)?);
     let last = Sets {
-        fit: measure(parts.corrected, parts.fitted, found.finer)?,
-        heldout: measure(parts.corrected, &heldout, found.finer)?,
+        fit: measured(parts.corrected, &Model::default(), parts.fitted, found.finer)?,
+        heldout: measured(parts.corrected, &Model::default(), &heldout, found.finer)?,
     };
     let (floor, source) = floor(&parts);
-    let gap = |sets: &Sets| sets.heldout.overall() - floor;
-    let gap_closed = (gap(&refit) > 0.0).then(|| 1.0 - gap(&last).max(0.0) / gap(&refit));
+    let gap_closed = closed([&refit, &last].map(|sets| sets.heldout.overall()), floor);
+    let by_joint = by_joint(&parts, &refit, &last);
     let mut alike: Vec<Vec<String>> = found.alike.iter().map(|alike| set(robot, alike)).collect();
     alike.extend_from_slice(&found.causes);
     let in_set = |kind, target| found.alike.iter().any(|a| a.chosen == (kind, target));
@@ -99,33 +108,66 @@ pub fn outcome(parts: Parts<'_>, heldout: Vec<Trial>) -> Result<Outcome, Identif
             source,
         },
         gap_closed,
+        by_joint,
         accepted,
         rejected: rejected.collect(),
         indistinguishable: alike,
+        alternatives: found.alike.iter().map(|alike| alternatives(&parts, alike)).collect(),
+        separation: found.separations.clone(),
         unexplained: unexplained(&parts),
         retuned: retuned(&parts),
-        heldout: split.note.clone(),
+        heldout: [vec![split.note.clone()], left_out].concat().join("; left out: "),
         folds: found.folds.clone(),
         tried: found.tried,
         check: parts.check.clone(),
         information: found.information.clone(),
         physics_hz: found.finer as f64 / super::DT,
-        torque: found
-            .left
-            .joints
-            .iter()
-            .map(|left| (robot.dof(left.dof).name.clone(), left.moments.clone()))
-            .collect(),
+        lacking: found.left.joints.iter().map(|left| left.lacking(robot)).collect(),
+        heldout_error: error,
         trials: [parts.fitted.to_vec(), heldout],
     })
 }
 
+/// Share of the gap between the error `before` and the floor that is gone `after`; none where there was none, or an error is not known.
+fn closed([before, after]: [f64; 2], floor: f64) -> Option<f64> {
+    let gap = before - floor;
+    (gap > 0.0 && after.is_finite()).then(|| 1.0 - (after - floor).max(0.0) / gap)
+}
+
+/// The floor of every joint and the share of its gap that is closed.
+fn by_joint(parts: &Parts<'_>, refit: &Sets, last: &Sets) -> BTreeMap<String, JointGap> {
+    let one = |d: usize| {
+        let name = &parts.robot.dof(d).name;
+        let floor = parts.found.floor.of(d);
+        let error = |sets: &Sets| sets.heldout.rmse.0.get(name).copied().unwrap_or(f64::NAN);
+        let gap = JointGap {
+            noise_floor: floor,
+            gap_closed: closed([error(refit), error(last)], floor),
+        };
+        (name.clone(), gap)
+    };
+    (0..parts.robot.dofs.len()).map(one).collect()
+}
+
+/// How far `model` of `robot` is from `trials` in every quantity that was measured.
+///
+/// # Errors
+/// As [`measure`](super::measure).
+pub fn measured(robot: &Robot, model: &Model, trials: &[Trial], finer: usize) -> Result<Measure, IdentifyError> {
+    let robots = robots(robot, model, trials)?;
+    let mut measure = measure_each(robot, &robots, finer)?;
+    measure.by_quantity.extend(motion::errors(robot, &robots, finer)?);
+    Ok(measure)
+}
+
+/// `model` of `robot` as it was in each of `trials`.
+fn robots<'a>(robot: &Robot, model: &Model, trials: &'a [Trial]) -> Result<Vec<(Robot, &'a Trial)>, TrialError> {
+    let own = |trial: &'a Trial| Ok((model.robot(&trial.robot(robot)?), trial));
+    trials.iter().map(own).collect()
+}
+
 fn measure_model(robot: &Robot, model: &Model, trials: &[Trial], finer: usize) -> Result<Measure, IdentifyError> {
-    let robots = trials
-        .iter()
-        .map(|trial| Ok((model.robot(&trial.robot(robot)?), trial)));
-    let robots: Vec<(Robot, &Trial)> = robots.collect::<Result<_, super::TrialError>>()?;
-    Ok(measure_each(robot, &robots, finer)?)
+    Ok(measure_each(robot, &robots(robot, model, trials)?, finer)?)
 }
 
 /// Root mean square floor over the joints of one unit, rad or m, and where it comes from.
@@ -180,19 +222,50 @@ fn parameters(parts: &Parts<'_>, index: usize) -> BTreeMap<&'static str, Paramet
     let model = &parts.found.last;
     let term = &model.terms[index];
     let halves = term.free.iter().zip(model.of_term(index, &parts.found.intervals));
-    let info = term.kind.info();
-    let sliding = info.site == Site::Joint && parts.robot.dof(term.target).kind == JointKind::Prismatic;
-    let number = |(i, parameter): (usize, &omniwalk_env::effect::Parameter)| {
-        let half = halves.clone().find(|(free, _)| **free == i);
-        let half = half.map_or(f64::INFINITY, |(_, half)| *half);
+    let half = |i: usize| {
+        halves
+            .clone()
+            .find(|(free, _)| **free == i)
+            .map_or(f64::INFINITY, |(_, half)| *half)
+    };
+    named(parts.robot, (term.kind, term.target), &term.values, half)
+}
+
+/// `values` of an effect on its target by name, with half widths of intervals.
+fn named(
+    robot: &Robot,
+    (kind, target): (Kind, usize),
+    values: &[f64],
+    half: impl Fn(usize) -> f64,
+) -> BTreeMap<&'static str, Parameter> {
+    let info = kind.info();
+    let sliding = info.site == Site::Joint && robot.dof(target).kind == JointKind::Prismatic;
+    let number = |((i, parameter), &value): ((usize, &omniwalk_env::effect::Parameter), &f64)| {
         let value = Parameter {
-            value: term.values[i],
+            value,
             unit: parameter.scale.unit(sliding),
-            ci95: interval(term.values[i], half),
+            ci95: interval(value, half(i)),
         };
         (parameter.name, value)
     };
-    info.parameters.iter().enumerate().map(number).collect()
+    info.parameters.iter().enumerate().zip(values).map(number).collect()
+}
+
+/// What each effect of a set would be.
+fn alternatives(parts: &Parts<'_>, alike: &super::select::Alike) -> Vec<Alternative> {
+    let robot = parts.robot;
+    let of = |(kind, at): (Kind, usize), parameters, in_robot| Alternative {
+        effect: kind.id(),
+        target: target(robot, kind, at),
+        parameters,
+        in_robot,
+    };
+    let terms = &parts.found.last.terms;
+    let index = terms.iter().position(|term| (term.kind, term.target) == alike.chosen);
+    let chosen = index.map(|index| of(alike.chosen, parameters(parts, index), true));
+    let others = alike.others.iter().zip(&alike.values);
+    let others = others.map(|(&own, values)| of(own, named(robot, own, values, |_| f64::INFINITY), false));
+    chosen.into_iter().chain(others).collect()
 }
 
 fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Parameter>> {

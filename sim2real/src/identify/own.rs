@@ -3,6 +3,9 @@
 use omniwalk_env::effect::{self, Effect, Kind, Scale};
 use omniwalk_env::robot::{Joint, Robot};
 
+pub(super) use crate::recording::overrides::PAYLOAD;
+use crate::recording::overrides::{self, SUPPLY};
+
 /// A parameter the nominal model already has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Own {
@@ -89,45 +92,113 @@ impl Own {
     }
 }
 
-/// Key of the mass that the last link carries.
-pub const PAYLOAD: &str = "payload.mass";
+/// Why a parameter cannot be overridden.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Refused {
+    /// There is none of this name.
+    Unknown,
+    /// It cannot have this value; what would be right.
+    Value(String),
+}
 
-/// Sets the parameter `key` of `robot`; `None` when there is no such parameter.
-pub fn override_value(robot: &mut Robot, key: &str, value: f64) -> Option<()> {
-    let (joint, key) = match key.strip_prefix("joint.").and_then(|rest| rest.rsplit_once('.')) {
-        Some((joint, key)) => (Some(joint), key),
-        None => (None, key),
-    };
+/// Sets the parameter `key` of `robot`. What changes nothing is taken as it is: a joint without stiffness may be told to have none.
+///
+/// # Errors
+/// [`Refused`] when there is no such parameter, or it cannot have this value.
+pub fn override_value(robot: &mut Robot, key: &str, value: f64) -> Result<(), Refused> {
+    let wrong = overrides::right_instead(key, value);
     if key == PAYLOAD {
+        wrong.map_or(Ok(()), |right| Err(Refused::Value(right)))?;
         let link = robot.links.len() - 1;
         let com = robot.links[link].inertial.com;
         let payload = Effect::new(Kind::Payload, link, &[value, com.x, com.y, com.z]);
         effect::apply(robot, &payload);
-        return Some(());
+        return Ok(());
     }
-    let mut any = None;
+    let (joint, name) = overrides::parts(key);
+    let mut any = Err(Refused::Unknown);
     for d in 0..robot.dofs.len() {
-        let at = robot.dofs[d];
-        if joint.is_some_and(|name| robot.joints[at].name != name) || robot.joints[at].actuator.is_none() {
+        let own = robot.dof(d);
+        if joint.is_some_and(|joint| own.name != joint) || own.actuator.is_none() {
             continue;
         }
-        if key == "supply_voltage" {
-            // Without a nominal voltage among the robot's effects there is nothing to compare it with.
-            let own = robot
-                .effects
-                .iter_mut()
-                .find(|e| e.kind == Kind::SupplyVoltage && e.target == d);
-            if let Some(effect) = own {
-                effect.values[0] = value;
-            }
-            any = Some(());
-        } else if key == "kp" {
-            robot.joints[at].actuator.as_mut()?.kp = value;
-            any = Some(());
-        } else if let Some(own) = Own::ALL.into_iter().find(|own| own.key() == key) {
-            *own.of(&mut robot.joints[at])? = value;
-            any = Some(());
+        match (place(robot, d, name), &wrong) {
+            (None, _) if name != SUPPLY => continue,
+            (Some(own), Some(right)) if *own != value => return Err(Refused::Value(right.clone())),
+            (Some(own), _) => *own = value,
+            // Without a nominal voltage among the robot's effects there is nothing to compare it with: the check says so.
+            (None, Some(right)) => return Err(Refused::Value(right.clone())),
+            (None, None) => {}
         }
+        any = Ok(());
     }
     any
+}
+
+/// Where the parameter `name` of degree of freedom `d`, which has a motor, stands.
+fn place<'r>(robot: &'r mut Robot, d: usize, name: &str) -> Option<&'r mut f64> {
+    if name == SUPPLY {
+        let mut effects = robot.effects.iter_mut();
+        let own = effects.find(|e| e.kind == Kind::SupplyVoltage && e.target == d)?;
+        return own.values.first_mut();
+    }
+    let joint = &mut robot.joints[robot.dofs[d]];
+    if name == "kp" {
+        return Some(&mut joint.actuator.as_mut()?.kp);
+    }
+    Own::ALL.into_iter().find(|own| own.key() == name)?.of(joint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const URDF: &str = r#"<robot name="arm"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"#;
+    const TOML: &str = "base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\nkp = 0.0\nkd = 1.0\ntorque_limit = 5.0\nspeed_limit = 9.0\n\
+        [[effect]]\nid = \"supply_voltage\"\nmatch = [\"*\"]\nactual = 12.0\nnominal = 12.0\n";
+
+    fn arm() -> Robot {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("arm.urdf"), URDF).expect("written");
+        std::fs::write(folder.path().join("robot.toml"), TOML).expect("written");
+        omniwalk_env::robot::load(folder.path()).expect("a robot")
+    }
+
+    #[test]
+    fn every_parameter_that_is_known_can_be_overridden_and_no_other_and_by_no_value_that_it_cannot_have() {
+        let good = [
+            "kp",
+            "kp_scale",
+            "kd",
+            "torque_limit",
+            "speed_limit",
+            "armature",
+            "damping",
+            "friction",
+            SUPPLY,
+            PAYLOAD,
+        ];
+        for key in good {
+            let of_joint = format!("joint.hinge.{key}");
+            assert!(overrides::exists(key), "{key}");
+            assert_eq!(override_value(&mut arm(), key, 2.0), Ok(()), "{key}");
+            let right = if key == PAYLOAD { Err(Refused::Unknown) } else { Ok(()) };
+            assert_eq!(override_value(&mut arm(), &of_joint, 2.0), right, "{of_joint}");
+            for value in [-1.0, f64::NAN, f64::INFINITY, 2e9] {
+                let refused = override_value(&mut arm(), key, value);
+                assert!(matches!(refused, Err(Refused::Value(_))), "{key} {value}");
+            }
+        }
+        for (key, zero) in [("kd", true), ("torque_limit", false), (SUPPLY, false), (PAYLOAD, true)] {
+            assert_eq!(override_value(&mut arm(), key, 0.0).is_ok(), zero, "{key}");
+        }
+        assert_eq!(override_value(&mut arm(), "joint.knee.kp", 2.0), Err(Refused::Unknown));
+        // What it has already.
+        assert_eq!(override_value(&mut arm(), "kp", 0.0), Ok(()));
+        let mut robot = arm();
+        override_value(&mut robot, SUPPLY, 9.0).expect("a voltage");
+        assert_eq!(robot.effects[0].values, [9.0, 12.0]);
+    }
 }

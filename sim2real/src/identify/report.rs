@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::information::Information;
 use super::measure::Measure;
+use super::separate::Separation;
 use super::trial::Trial;
 use crate::check::Check;
 
@@ -72,6 +73,19 @@ pub struct Accepted {
     pub p_value: f64,
 }
 
+/// One of several effects that the logs cannot tell apart.
+#[derive(Clone, Debug, Serialize)]
+pub struct Alternative {
+    /// Its id.
+    pub effect: &'static str,
+    /// Joint or link.
+    pub target: String,
+    /// What it would be, by name; with intervals where it is in the robot.
+    pub parameters: BTreeMap<&'static str, Parameter>,
+    /// Whether it is the one that was put into the robot.
+    pub in_robot: bool,
+}
+
 /// An effect that was not taken.
 #[derive(Clone, Debug, Serialize)]
 pub struct Rejected {
@@ -99,6 +113,15 @@ pub struct NoiseFloor {
     pub value: Option<f64>,
     /// `repeats`, `sensor` or `none`.
     pub source: &'static str,
+}
+
+/// How near the last model is to what no model gets below, at one joint.
+#[derive(Clone, Debug, Serialize)]
+pub struct JointGap {
+    /// rad or m.
+    pub noise_floor: f64,
+    /// Share of the re-tuned model's held-out error above the floor that is gone.
+    pub gap_closed: Option<f64>,
 }
 
 /// What is left.
@@ -139,12 +162,18 @@ pub struct Outcome {
     pub noise_floor: NoiseFloor,
     /// Share of the re-tuned model's held-out error above the floor that is gone.
     pub gap_closed: Option<f64>,
+    /// The same of each joint.
+    pub by_joint: BTreeMap<String, JointGap>,
     /// Effects taken.
     pub accepted: Vec<Accepted>,
     /// Effects tried and not taken.
     pub rejected: Vec<Rejected>,
     /// Sets of effects that these logs cannot tell apart.
     pub indistinguishable: Vec<Vec<String>>,
+    /// What each of those effects would be; not of sets with numbers that were re-tuned.
+    pub alternatives: Vec<Vec<Alternative>>,
+    /// What would tell those apart, pair by pair.
+    pub separation: Vec<Separation>,
     /// What is left.
     pub unexplained: Unexplained,
     /// Re-tuned parameters of the nominal model, by joint and key.
@@ -160,9 +189,12 @@ pub struct Outcome {
     /// Pieces of the logs that were fitted, then of those held out.
     #[serde(skip)]
     pub trials: [Vec<Trial>; 2],
-    /// Torque that the last model lacks, by joint.
+    /// What the last model lacks, of every joint.
     #[serde(skip)]
-    pub torque: Vec<(String, Vec<super::Moment>)>,
+    pub lacking: Vec<super::Lacking>,
+    /// Why no held-out log could be compared, if so.
+    #[serde(skip)]
+    pub heldout_error: Option<String>,
 }
 
 impl Outcome {
@@ -183,9 +215,12 @@ impl Outcome {
                 source: "none",
             },
             gap_closed: None,
+            by_joint: BTreeMap::new(),
             accepted: Vec::new(),
             rejected: Vec::new(),
             indistinguishable: Vec::new(),
+            alternatives: Vec::new(),
+            separation: Vec::new(),
             unexplained: Unexplained::default(),
             retuned: BTreeMap::new(),
             heldout: String::new(),
@@ -193,7 +228,8 @@ impl Outcome {
             tried: 0,
             physics_hz: 1.0 / super::DT,
             trials: [Vec::new(), Vec::new()],
-            torque: Vec::new(),
+            lacking: Vec::new(),
+            heldout_error: None,
         }
     }
 }

@@ -115,7 +115,7 @@ impl Beside {
 }
 
 /// `model` with each of its fitted numbers that `which` names moved by a step.
-fn steps(model: &Model, scales: &Scales, which: impl Fn(usize) -> bool) -> Vec<Model> {
+pub fn steps(model: &Model, scales: &Scales, which: impl Fn(usize) -> bool) -> Vec<Model> {
     let (x, free) = (model.get(scales), model.free(scales));
     let moved = |i: usize| {
         let mut moved = x.clone();
@@ -133,7 +133,7 @@ fn is_still(term: &Term) -> bool {
 
 /// `products` of a residual, of `tuned` directions and of others: what is left of the residual and the others when the tuned ones have
 /// taken what they can, and what there was.
-fn without(products: &DMatrix<f64>, tuned: usize) -> (DMatrix<f64>, DMatrix<f64>) {
+pub fn without(products: &DMatrix<f64>, tuned: usize) -> (DMatrix<f64>, DMatrix<f64>) {
     let rest: Vec<usize> = (0..products.nrows()).filter(|&i| i == 0 || i > tuned).collect();
     let all = DMatrix::from_fn(rest.len(), rest.len(), |i, j| products[(rest[i], rest[j])]);
     let mut own = products.view((1, 1), (tuned, tuned)).into_owned();

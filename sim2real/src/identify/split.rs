@@ -167,7 +167,8 @@ fn aside(logs: &[Recording]) -> (Vec<usize>, String) {
 
 /// Why `trials` cannot carry an answer; empty when they can.
 pub fn insufficient(robot: &Robot, trials: &[Trial]) -> Vec<String> {
-    let seconds: f64 = trials.iter().map(|trial| trial.steps as f64 * DT).sum();
+    // An empty sum is minus zero.
+    let seconds = trials.iter().map(|trial| trial.steps as f64 * DT).sum::<f64>() + 0.0;
     if seconds < SHORTEST {
         return vec![format!(
             "the logs hold {seconds:.2} s to fit to; at least {SHORTEST} s are needed, and 20 s are good"

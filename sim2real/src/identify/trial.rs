@@ -6,8 +6,10 @@ use std::sync::Arc;
 use omniwalk_env::robot::{Limb, Robot};
 
 use super::base::MeasuredBase;
+use super::motion::Motion;
 use super::own;
 use super::starts::Starts;
+use crate::recording::{Jump, overrides};
 
 /// Physics step of rollouts, s.
 pub const DT: f64 = 1e-3;
@@ -57,14 +59,38 @@ pub enum TrialError {
         /// The robot.
         robot: String,
     },
+    /// The log's clock was set while it was recorded, or logs were joined.
+    #[error("log {log}: joint `{joint}`: {jump}")]
+    #[diagnostic(help("{}", Jump::HELP))]
+    Jump {
+        /// The log.
+        log: String,
+        /// The joint.
+        joint: String,
+        /// Where.
+        jump: Jump,
+    },
     /// The log overrides something the robot does not have.
     #[error("log {log}: no parameter `{key}` to override")]
-    #[diagnostic(help("kp, kd, supply_voltage, payload.mass, joint.NAME.kp and joint.NAME.kd can be overridden"))]
+    #[diagnostic(help("{}", overrides::keys()))]
     Override {
         /// The log.
         log: String,
         /// The key.
         key: String,
+    },
+    /// The log overrides something by a value that it cannot have.
+    #[error("log {log}: override `{key}` cannot be {value}")]
+    #[diagnostic(help("{right}"))]
+    Value {
+        /// The log.
+        log: String,
+        /// The key.
+        key: String,
+        /// The value.
+        value: f64,
+        /// What would be right.
+        right: String,
     },
 }
 
@@ -128,6 +154,8 @@ pub struct Trial {
     pub starts: Option<Arc<Starts>>,
     /// Measured position at every step, linear between readings.
     pub measured: Vec<Vec<f64>>,
+    /// What else was measured of the motion.
+    pub motion: Arc<Motion>,
     /// What else was measured, by name, at every step; of the joint it was measured at, or of all.
     pub conditions: Vec<(Option<usize>, String, Vec<f64>)>,
 }
@@ -159,6 +187,8 @@ impl Trial {
             spread: picked(&self.spread, limb),
             measured: picked(&self.measured, limb),
             conditions: self.conditions.iter().filter_map(condition).collect(),
+            // Of the whole robot, which is what errors are reported of.
+            motion: Arc::default(),
             ..self.clone()
         }
     }
@@ -166,13 +196,19 @@ impl Trial {
     /// `robot` as it was in this log.
     ///
     /// # Errors
-    /// [`TrialError::Override`] for an override that names nothing.
+    /// [`TrialError::Override`] for an override that names nothing, [`TrialError::Value`] for one that cannot be.
     pub fn robot(&self, robot: &Robot) -> Result<Robot, TrialError> {
         let mut robot = robot.clone();
         for (key, &value) in &self.overrides {
-            super::own::override_value(&mut robot, key, value).ok_or_else(|| TrialError::Override {
-                log: self.name.clone(),
-                key: key.clone(),
+            let (log, key) = (|| self.name.clone(), key.clone());
+            own::override_value(&mut robot, &key, value).map_err(|refused| match refused {
+                own::Refused::Unknown => TrialError::Override { log: log(), key },
+                own::Refused::Value(right) => TrialError::Value {
+                    log: log(),
+                    key,
+                    value,
+                    right,
+                },
             })?;
         }
         Ok(robot)
@@ -187,8 +223,8 @@ fn picked<T: Clone>(values: &[T], limb: &Limb) -> Vec<T> {
 /// Those of a log's overrides that concern a limb.
 fn of_limb(overrides: &BTreeMap<String, f64>, robot: &Robot, limb: &Limb) -> BTreeMap<String, f64> {
     let carries = limb.links.last() == Some(&(robot.links.len() - 1));
-    let concerns = |key: &str| match key.strip_prefix("joint.").and_then(|rest| rest.rsplit_once('.')) {
-        Some((name, _)) => limb.robot.joints.iter().any(|joint| joint.name == name),
+    let concerns = |key: &str| match overrides::parts(key).0 {
+        Some(name) => limb.robot.joints.iter().any(|joint| joint.name == name),
         // What is carried is on the last link.
         None => key != own::PAYLOAD || carries,
     };

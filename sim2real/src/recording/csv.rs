@@ -1,5 +1,6 @@
 //! The wanted columns of a CSV file.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
@@ -19,7 +20,7 @@ const MAX_COMMENTS: u64 = 100_000;
 pub(super) fn read(path: &Path, map: &Map) -> Result<Table, RecordingError> {
     let unreadable = |error: io::Error| content(path, "the file", error.to_string(), "give a file that can be read");
     let mut input = BufReader::new(File::open(path).map_err(unreadable)?);
-    let mut table = Table::new(map.columns(), map.text_columns());
+    let mut table = Table::new(map);
     let mut lines = Vec::new();
     let comments = comments(&mut input, &mut table).map_err(unreadable)?;
     let mut reader = ReaderBuilder::new()
@@ -54,35 +55,38 @@ pub(super) fn read(path: &Path, map: &Map) -> Result<Table, RecordingError> {
                 continue;
             }
         }
+        let known = names.as_ref().map_or(0, Vec::len);
+        surplus(path, line, &record, known)?;
         if lines.len() >= MAX_ROWS {
             let why = format!("more than {MAX_ROWS} rows");
             return Err(content(path, &format!("line {line}"), why, "split the log"));
         }
         lines.push(line);
-        table.begin_row();
-        for (index, name) in &columns {
-            let cell = record.get(*index).ok_or_else(|| {
-                let why = format!("the row ends before column `{name}`: it has {} cells", record.len());
-                content(
-                    path,
-                    &format!("line {line}"),
-                    why,
-                    "give every row as many cells as there are names",
-                )
-            })?;
-            let refused = |why| {
-                content(
-                    path,
-                    &format!("line {line}"),
-                    why,
-                    "write numbers with a point, and leave a cell empty where nothing was measured",
-                )
-            };
-            table.put(name, cell).map_err(refused)?;
-        }
+        fill(path, line, &record, &columns, &mut table)?;
     }
     table.places = Places::Lines(lines);
     Ok(table)
+}
+
+/// Takes the cells of a row into the columns of `table` that want them.
+fn fill(
+    path: &Path,
+    line: u64,
+    record: &StringRecord,
+    columns: &[(usize, String)],
+    table: &mut Table,
+) -> Result<(), RecordingError> {
+    let refused = |why: String, help: &str| content(path, &format!("line {line}"), why, help);
+    table.begin_row();
+    for (index, name) in columns {
+        let cell = record.get(*index).ok_or_else(|| {
+            let why = format!("the row ends before column `{name}`: it has {} cells", record.len());
+            refused(why, "give every row as many cells as there are names")
+        })?;
+        let help = "write numbers with a point, and leave a cell empty where nothing was measured";
+        table.put(name, cell).map_err(|why| refused(why, help))?;
+    }
+    Ok(())
 }
 
 /// Takes the comment lines at the start as fields; gives their number.
@@ -116,17 +120,35 @@ fn header(first: &StringRecord, has_names: bool) -> Vec<String> {
     first.iter().enumerate().map(number).collect()
 }
 
+/// A row may end in empty cells, as separators at its end make; more values than names are of no column.
+fn surplus(path: &Path, line: u64, record: &StringRecord, names: usize) -> Result<(), RecordingError> {
+    if record.iter().skip(names).all(str::is_empty) {
+        return Ok(());
+    }
+    let why = format!("the row has {} cells, and there are {names} names", record.len());
+    let help = "write numbers with a point, not a comma, or name another `separator` in the map: what is left over belongs to no column";
+    Err(content(path, &format!("line {line}"), why, help))
+}
+
 /// Position and name of each column that the table wants.
 fn wanted(path: &Path, table: &Table, names: &[String]) -> Result<Vec<(usize, String)>, RecordingError> {
-    let all: std::collections::BTreeSet<&String> = table.numbers.keys().chain(table.texts.keys()).collect();
-    let find = |name: &&String| {
-        let at = names.iter().position(|known| known == *name);
-        let at = at.ok_or_else(|| {
+    let all: BTreeSet<&String> = table.numbers.keys().chain(table.texts.keys()).collect();
+    let mut places: BTreeMap<&String, Vec<usize>> = BTreeMap::new();
+    for (at, name) in names.iter().enumerate() {
+        places.entry(name).or_default().push(at);
+    }
+    let refused = |why: String, help: &str| content(path, "the first row", why, help);
+    let find = |name: &String| match places.get(name).map(Vec::as_slice) {
+        Some([at]) => Ok((*at, name.clone())),
+        Some([one, other, ..]) => Err(refused(
+            format!("columns {} and {} are both called `{name}`", one + 1, other + 1),
+            "give each column that the map names a name of its own",
+        )),
+        _ => {
             let known: Vec<&str> = names.iter().take(200).map(String::as_str).collect();
             let help = format!("the file has {}", known.join(", "));
-            content(path, "the first row", format!("there is no column `{name}`"), &help)
-        });
-        at.map(|at| (at, (*name).clone()))
+            Err(refused(format!("there is no column `{name}`"), &help))
+        }
     };
-    all.iter().map(find).collect()
+    all.into_iter().map(find).collect()
 }

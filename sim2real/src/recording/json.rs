@@ -1,9 +1,10 @@
 //! The wanted columns of a JSON file, without holding the rest of it.
 
-use std::fmt;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
+use std::{fmt, mem};
 
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
@@ -17,7 +18,13 @@ pub(super) fn read(path: &Path, map: &Map) -> Result<Table, RecordingError> {
     let file =
         File::open(path).map_err(|error| refused("the file", error.to_string(), "give a file that can be read"))?;
     let mut sink = Sink {
-        table: Table::new(map.columns(), map.text_columns()),
+        given: map
+            .columns()
+            .into_iter()
+            .chain(map.text_columns())
+            .map(|name| (name, 0))
+            .collect(),
+        table: Table::new(map),
         rows_at: map.rows.clone(),
         columns: Vec::new(),
     };
@@ -44,6 +51,8 @@ struct Sink {
     rows_at: Option<String>,
     /// Columns that are lists, as they are met.
     columns: Vec<String>,
+    /// The last row, counted from 1, that gave a column.
+    given: BTreeMap<String, usize>,
 }
 
 /// Where in the file a value is.
@@ -141,7 +150,11 @@ impl Walk<'_> {
         match self.place {
             Place::Header => self.sink.table.field(&self.path, text),
             Place::Row => {
-                let row = self.sink.table.rows.saturating_sub(1);
+                let rows = self.sink.table.rows;
+                let row = rows.saturating_sub(1);
+                if self.sink.given.get_mut(&self.path).map(|last| mem::replace(last, rows)) == Some(rows) {
+                    return Err(E::custom(format_args!("row {row} gives `{}` twice", self.path)));
+                }
                 let put = self.sink.table.put(&self.path, text);
                 put.map_err(|why| E::custom(format_args!("row {row}: {why}")))?;
             }
@@ -224,6 +237,13 @@ impl<'de> Visitor<'de> for Walk<'_> {
     fn visit_seq<A: SeqAccess<'de>>(mut self, mut access: A) -> Result<(), A::Error> {
         let is_rows = self.place == Place::Header && self.sink.rows_at.as_ref() == Some(&self.path);
         let is_column = self.place == Place::Header && self.sink.rows_at.is_none() && self.sink.wants(&self.path);
+        let again = (is_rows && self.sink.table.rows > 0) || (is_column && self.sink.columns.contains(&self.path));
+        if again {
+            return Err(A::Error::custom(format_args!(
+                "the list `{}` is there twice",
+                self.path
+            )));
+        }
         if is_column {
             self.sink.columns.push(self.path.clone());
         }

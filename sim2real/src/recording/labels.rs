@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::map::{Label, Map, Number, Origin};
+use super::map::{Label, Map, Number, Origin, Scaled};
+use super::overrides;
 use super::rows::Segment;
 use super::table::number;
 use super::{Recording, RecordingError, content};
@@ -58,11 +59,31 @@ pub(super) fn label(
                     .map(|raw| raw * scaled.scale + scaled.offset)
                     .filter(|value| value.is_finite());
                 let why = || format!("override `{parameter}` is no number here");
+                let place = place(scaled);
+                let value =
+                    value.ok_or_else(|| content(path, &place, why(), "name a field or column with a finite number"))?;
+                possible(path, &place, parameter, value)?;
                 value
-                    .ok_or_else(|| content(path, "the header", why(), "name a field or column with a finite number"))?
             }
         };
         recording.overrides.insert(parameter.clone(), value);
     }
     Ok(())
+}
+
+/// Where in a file a number is.
+fn place(scaled: &Scaled) -> String {
+    match (&scaled.field, &scaled.column) {
+        (Some(key), _) => format!("the header, field `{key}`"),
+        (None, Some(column)) => format!("column `{column}`"),
+        (None, None) => "the header".to_owned(),
+    }
+}
+
+/// That the parameter `key` can have `value`, which stands at `place`.
+pub(super) fn possible(path: &Path, place: &str, key: &str, value: f64) -> Result<(), RecordingError> {
+    overrides::right_instead(key, value).map_or(Ok(()), |right| {
+        let why = format!("override `{key}` cannot be {value}");
+        Err(content(path, place, why, &right))
+    })
 }

@@ -33,8 +33,12 @@
 //!
 //! In CSV the header's fields are comment lines `# key: value` above the names; in JSON whatever is no row (by dotted
 //! key); in MCAP the metadata (`record.key`). In JSON a column can be a dotted path into a row: `joints.0.position`.
+//! `true` and `false` are 1 and 0 in columns of `enabled` and `extra`, and nothing anywhere else.
+//!
+//! Parameters that can be overridden: `kp`, `kp_scale`, `kd`, `torque_limit`, `speed_limit`, `armature`, `damping`, `friction`,
+//! `supply_voltage`, for one joint `joint.NAME.kp` and so on; `payload.mass` (docs/maps/README.md says what each does).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
 
@@ -42,12 +46,12 @@ use omniwalk_env::robot::{RobotError, Source};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::CommandKind;
+use super::columns::{Column, JointColumns};
+use super::overrides;
+use super::units::Dimension;
 
 /// Columns that a map may name, each `{joint}` for every joint: a hundred of each of forty joints.
 const MAX_COLUMNS: usize = 4096;
-/// Largest magnitude of a scale or offset.
-const MAX_VALUE: f64 = 1e12;
 
 /// A column map.
 #[derive(Debug, Deserialize)]
@@ -91,19 +95,6 @@ pub(super) enum Format {
     Mcap,
 }
 
-/// A column and how its numbers become SI values.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Column {
-    pub column: String,
-    pub unit: Option<String>,
-    #[serde(default = "one")]
-    pub scale: f64,
-    #[serde(default)]
-    pub offset: f64,
-    pub signed_bits: Option<u32>,
-}
-
 /// Where a label comes from.
 #[derive(Debug, Deserialize)]
 #[serde(
@@ -145,62 +136,6 @@ pub(super) struct Scaled {
     #[serde(default)]
     pub offset: f64,
 }
-
-/// The columns of some joints.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct JointColumns {
-    pub names: Vec<String>,
-    pub command: Option<Column>,
-    pub position: Option<Column>,
-    pub velocity: Option<Column>,
-    pub effort: Option<Column>,
-    pub enabled: Option<Column>,
-    #[serde(default)]
-    pub extra: BTreeMap<String, Column>,
-}
-
-/// What a unit measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Dimension {
-    Time,
-    Position,
-    Velocity,
-    Effort,
-    Voltage,
-}
-
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
-const REVOLUTION: f64 = std::f64::consts::TAU;
-
-/// Name, what it measures, and its value in SI units.
-const UNITS: [(&str, Dimension, f64); 25] = [
-    ("s", Dimension::Time, 1.0),
-    ("ms", Dimension::Time, 1e-3),
-    ("us", Dimension::Time, 1e-6),
-    ("ns", Dimension::Time, 1e-9),
-    ("rad", Dimension::Position, 1.0),
-    ("deg", Dimension::Position, DEGREE),
-    ("rev", Dimension::Position, REVOLUTION),
-    ("m", Dimension::Position, 1.0),
-    ("mm", Dimension::Position, 1e-3),
-    ("rad/s", Dimension::Velocity, 1.0),
-    ("deg/s", Dimension::Velocity, DEGREE),
-    ("rev/s", Dimension::Velocity, REVOLUTION),
-    ("rpm", Dimension::Velocity, REVOLUTION / 60.0),
-    ("m/s", Dimension::Velocity, 1.0),
-    ("mm/s", Dimension::Velocity, 1e-3),
-    ("N m", Dimension::Effort, 1.0),
-    ("Nm", Dimension::Effort, 1.0),
-    ("mN m", Dimension::Effort, 1e-3),
-    ("mNm", Dimension::Effort, 1e-3),
-    ("kgf cm", Dimension::Effort, 0.098_066_5),
-    ("kg cm", Dimension::Effort, 0.098_066_5),
-    ("N", Dimension::Effort, 1.0),
-    ("mN", Dimension::Effort, 1e-3),
-    ("V", Dimension::Voltage, 1.0),
-    ("mV", Dimension::Voltage, 1e-3),
-];
 
 impl Map {
     /// Reads the map in the TOML file at `path`.
@@ -261,15 +196,7 @@ impl Map {
             .iter()
             .chain(&self.voltage)
             .map(|column| column.get_ref().column.clone());
-        let of_joints = self.joint.iter().map(Spanned::get_ref).flat_map(|joint| {
-            let columns = joint.columns().map(|(column, _)| column);
-            let columns: Vec<&Column> = columns
-                .chain(joint.enabled.iter())
-                .chain(joint.extra.values())
-                .collect();
-            let of_joint = move |name: &String| columns.iter().map(|column| column.of(name)).collect::<Vec<_>>();
-            joint.names.iter().flat_map(of_joint).collect::<Vec<_>>()
-        });
+        let of_joints = self.joint.iter().flat_map(|joint| joint.get_ref().all_names());
         let of_overrides = self.overrides.values().filter_map(|number| match number.get_ref() {
             Number::From(scaled) => scaled.column.clone(),
             Number::Constant(_) => None,
@@ -278,6 +205,12 @@ impl Map {
         columns.sort();
         columns.dedup();
         columns
+    }
+
+    /// Every column that may hold true or false.
+    pub(super) fn truth_columns(&self) -> BTreeSet<String> {
+        let joints = self.joint.iter().map(Spanned::get_ref);
+        joints.flat_map(JointColumns::truth_names).collect()
     }
 
     /// Every column that holds text, once.
@@ -293,62 +226,13 @@ impl Map {
     }
 }
 
-impl Column {
-    /// The column's name for a joint.
-    pub fn of(&self, joint: &str) -> String {
-        self.column.replace("{joint}", joint)
-    }
-
-    /// The SI value of a raw number.
-    pub fn value(&self, raw: f64) -> f64 {
-        let wrapped = match self.signed_bits {
-            Some(bits) if raw >= 2_f64.powi(bits as i32 - 1) => raw - 2_f64.powi(bits as i32),
-            _ => raw,
-        };
-        let unit = self.unit.as_deref().and_then(unit);
-        (wrapped * self.scale + self.offset) * unit.map_or(1.0, |(_, factor)| factor)
-    }
-
-    /// What a command in this column says.
-    pub fn command_kind(&self) -> CommandKind {
-        match self.unit.as_deref().and_then(unit) {
-            Some((Dimension::Effort, _)) => CommandKind::Effort,
-            _ => CommandKind::Position,
-        }
-    }
-
-    fn check(&self, source: &Source, span: Range<usize>, right: &[Dimension]) -> Result<(), RobotError> {
-        for (value, key) in [(self.scale, "scale"), (self.offset, "offset")] {
-            if value.is_nan() || value.abs() > MAX_VALUE || (key == "scale" && value == 0.0) {
-                let message = format!("{key} {value} of column `{}`", self.column);
-                return Err(source.error(span, message, "use a finite number; a scale is not zero"));
-            }
-        }
-        if self.signed_bits.is_some_and(|bits| !(2..=52).contains(&bits)) {
-            return Err(source.error(span, "signed_bits is the width of a count", "use 2 to 52, such as 16"));
-        }
-        let Some(name) = &self.unit else { return Ok(()) };
-        if unit(name).is_some_and(|(dimension, _)| right.contains(&dimension)) {
-            return Ok(());
-        }
-        let fitting = UNITS.iter().filter(|(_, dimension, _)| right.contains(dimension));
-        let fitting: Vec<&str> = fitting.map(|(name, ..)| *name).collect();
-        let message = format!("`{name}` is no unit for column `{}`", self.column);
-        Err(source.error(
-            span,
-            message,
-            format!("use {}, and `scale` for what is missing", fitting.join(", ")),
-        ))
-    }
-}
-
-fn unit(name: &str) -> Option<(Dimension, f64)> {
-    let unit = UNITS.iter().find(|(known, ..)| *known == name);
-    unit.map(|(_, dimension, factor)| (*dimension, *factor))
-}
-
 impl Number {
+    /// Whether it can be the value of the parameter `key`, as far as the map tells.
     fn check(&self, source: &Source, span: Range<usize>, key: &str) -> Result<(), RobotError> {
+        if !overrides::exists(key) {
+            let message = format!("override `{key}` names no parameter");
+            return Err(source.error(span, message, overrides::keys()));
+        }
         let right = match self {
             Number::Constant(value) => value.is_finite(),
             Number::From(Scaled {
@@ -358,72 +242,13 @@ impl Number {
                 offset,
             }) => (field.is_some() != column.is_some()) && scale.is_finite() && offset.is_finite(),
         };
-        if right {
-            return Ok(());
+        if !right {
+            let message = format!("override `{key}` is neither a finite number nor from one place");
+            return Err(source.error(span, message, "give a number, or exactly one of `field` and `column`"));
         }
-        let message = format!("override `{key}` is neither a finite number nor from one place");
-        Err(source.error(span, message, "give a number, or exactly one of `field` and `column`"))
-    }
-}
-
-impl JointColumns {
-    /// The columns that are measured or told, with what they can measure.
-    fn columns(&self) -> impl Iterator<Item = (&Column, &'static [Dimension])> {
-        const COMMAND: &[Dimension] = &[Dimension::Position, Dimension::Effort];
-        let of = |column, right| Option::map(column, move |column| (column, right));
-        [
-            of(self.command.as_ref(), COMMAND),
-            of(self.position.as_ref(), &[Dimension::Position][..]),
-            of(self.velocity.as_ref(), &[Dimension::Velocity][..]),
-            of(self.effort.as_ref(), &[Dimension::Effort][..]),
-        ]
-        .into_iter()
-        .flatten()
-    }
-
-    /// Columns of all its joints, one at least for each.
-    fn count(&self) -> usize {
-        let each = self.columns().count() + usize::from(self.enabled.is_some()) + self.extra.len();
-        self.names.len().saturating_mul(each.max(1))
-    }
-
-    fn check(&self, source: &Source, span: Range<usize>, seen: &mut Vec<String>) -> Result<(), RobotError> {
-        for name in &self.names {
-            if seen.contains(name) {
-                let message = format!("joint `{name}` is named twice");
-                return Err(source.error(span, message, "give each joint one entry"));
-            }
-            seen.push(name.clone());
-        }
-        let fault = if self.names.is_empty() {
-            Some("a joint entry without names".to_owned())
-        } else {
-            let of_all = |column: &&Column| !column.column.contains("{joint}");
-            let shared = self.columns().map(|(column, _)| column).find(of_all);
-            shared.filter(|_| self.names.len() > 1).map(|column| {
-                format!(
-                    "column `{}` would be that of {} joints",
-                    column.column,
-                    self.names.len()
-                )
-            })
-        };
-        if let Some(message) = fault {
-            let help = "name joints, and put `{joint}` where their names are in column names";
-            return Err(source.error(span, message, help));
-        }
-        for (column, right) in self.columns() {
-            column.check(source, span.clone(), right)?;
-        }
-        for column in self.enabled.iter().chain(self.extra.values()) {
-            let any = [
-                Dimension::Position,
-                Dimension::Velocity,
-                Dimension::Effort,
-                Dimension::Voltage,
-            ];
-            column.check(source, span.clone(), &any)?;
-        }
-        Ok(())
+        let Number::Constant(value) = *self else { return Ok(()) };
+        overrides::right_instead(key, value).map_or(Ok(()), |right| {
+            Err(source.error(span, format!("override `{key}` cannot be {value}"), right))
+        })
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::clock::{self, Times};
-use super::labels::label;
+use super::labels::{label, possible};
 use super::map::Map;
 use super::repeats::repeats;
 use super::{CommandKind, ImuRecord, JointRecord, OdometryRecord, Recording, RecordingError, Samples, Series, content};
@@ -44,11 +44,12 @@ pub(super) fn read(path: &Path, name: String, map: Option<&Map>) -> Result<Recor
     }
     for (key, text) in log.metadata().get("robot_overrides").into_iter().flatten() {
         let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+        let place = format!("metadata robot_overrides, key `{key}`");
         let value = value.ok_or_else(|| {
-            let place = format!("metadata robot_overrides, key `{key}`");
             let help = "give each overridden parameter a finite number";
             content(path, &place, format!("`{text}` is no number"), help)
         })?;
+        possible(path, &place, key, value)?;
         recording.overrides.insert(key.clone(), value);
     }
     if let Some(map) = map {

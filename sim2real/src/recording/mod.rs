@@ -4,15 +4,19 @@
 //! nothing new had arrived are left out and counted.
 
 mod clock;
+mod columns;
 mod csv;
 mod error;
 mod json;
 mod labels;
 mod map;
 mod mcap;
+pub(crate) mod overrides;
+mod pause;
 mod repeats;
 mod rows;
 mod table;
+mod units;
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -22,6 +26,8 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 pub use error::RecordingError;
 pub use map::Map;
+pub use pause::Jump;
+pub(crate) use pause::LONGEST_PAUSE;
 
 use map::Format;
 

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use toml::Spanned;
 
+use super::columns::{Column, JointColumns};
 use super::labels::label;
-use super::map::{Column, JointColumns, Map};
+use super::map::Map;
 use super::repeats::repeats;
 use super::table::Table;
 use super::{CommandKind, JointRecord, Recording, RecordingError, Series, content};

@@ -1,6 +1,8 @@
 //! The wanted columns of a file of rows, before they mean anything.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::map::Map;
 
 /// Rows that a file may have: a day at 1 kHz.
 pub(super) const MAX_ROWS: usize = 100_000_000;
@@ -15,6 +17,8 @@ pub(super) struct Table {
     pub numbers: BTreeMap<String, Vec<f64>>,
     /// By name; empty where a row gives no text.
     pub texts: BTreeMap<String, Vec<String>>,
+    /// Columns of numbers that may hold true or false.
+    truths: BTreeSet<String>,
     /// What the file says before or beside its rows.
     pub fields: BTreeMap<String, String>,
     /// Where each row is: a line of the file, or a number of the row.
@@ -34,11 +38,12 @@ pub(super) enum Places {
 }
 
 impl Table {
-    /// A table with these columns and no rows.
-    pub fn new(numbers: Vec<String>, texts: Vec<String>) -> Self {
+    /// A table with the columns that `map` wants and no rows.
+    pub fn new(map: &Map) -> Self {
         Self {
-            numbers: numbers.into_iter().map(|name| (name, Vec::new())).collect(),
-            texts: texts.into_iter().map(|name| (name, Vec::new())).collect(),
+            numbers: map.columns().into_iter().map(|name| (name, Vec::new())).collect(),
+            texts: map.text_columns().into_iter().map(|name| (name, Vec::new())).collect(),
+            truths: map.truth_columns(),
             ..Self::default()
         }
     }
@@ -71,7 +76,8 @@ impl Table {
     /// What is wrong with it.
     pub fn put(&mut self, column: &str, text: &str) -> Result<(), String> {
         if let Some(last) = self.numbers.get_mut(column).and_then(|values| values.last_mut()) {
-            *last = number(text).ok_or_else(|| format!("column `{column}`: `{}` is no number", shortened(text)))?;
+            let truth = || truth(text).filter(|_| self.truths.contains(column));
+            *last = number(text).or_else(truth).ok_or_else(|| no_number(column, text))?;
         }
         if let Some(last) = self.texts.get_mut(column).and_then(|values| values.last_mut()) {
             *last = shortened(text);
@@ -87,14 +93,29 @@ impl Table {
     }
 }
 
-/// The number in a cell: NaN for an empty one, 0 or 1 for a truth value; `None` if it is none of these.
+/// The number in a cell: NaN for an empty one; `None` if it is none.
 pub(super) fn number(text: &str) -> Option<f64> {
     match text.trim() {
         "" | "null" | "None" | "NA" | "-" => Some(f64::NAN),
-        "true" | "True" | "TRUE" => Some(1.0),
-        "false" | "False" | "FALSE" => Some(0.0),
         text => text.parse().ok(),
     }
+}
+
+/// 0 or 1 for a truth value.
+fn truth(text: &str) -> Option<f64> {
+    match text.trim() {
+        "true" | "True" | "TRUE" => Some(1.0),
+        "false" | "False" | "FALSE" => Some(0.0),
+        _ => None,
+    }
+}
+
+fn no_number(column: &str, text: &str) -> String {
+    let only = match truth(text) {
+        Some(_) => ": only columns of `enabled` and `extra` may be true or false",
+        None => "",
+    };
+    format!("column `{column}`: `{}` is no number{only}", shortened(text))
 }
 
 fn shortened(text: &str) -> String {

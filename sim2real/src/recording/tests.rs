@@ -102,7 +102,7 @@ fn stamps_of_a_robot_with_its_own_clock_are_aligned_by_log_time() {
 }
 
 #[test]
-fn time_that_goes_backwards_and_overrides_that_are_no_numbers_are_named() {
+fn time_that_goes_backwards_and_overrides_that_cannot_be_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let at = |time: u64| (time, Message::JointStates(joints(time, &[0.1])));
     let error = record(folder.path(), &[at(30 * MS), at(40 * MS), at(20 * MS)]).unwrap_err();
@@ -113,13 +113,18 @@ fn time_that_goes_backwards_and_overrides_that_are_no_numbers_are_named() {
     );
 
     let path = folder.path().join("a.mcap");
-    let mut log = LogWriter::create(&path).unwrap();
-    log.metadata("robot_overrides", [("kp".to_owned(), "high".to_owned())].into())
-        .unwrap();
-    log.finish().unwrap();
-    let text = read(&path, None).unwrap_err().to_string();
-    assert!(
-        text.contains("robot_overrides, key `kp`") && text.contains("`high`"),
-        "{text}"
-    );
+    for (key, text, why) in [
+        ("kp", "high", "`high` is no number"),
+        ("kp", "inf", "`inf` is no number"),
+        ("joint.knee.kp", "-2.5", "override `joint.knee.kp` cannot be -2.5"),
+        ("supply_voltage", "0", "override `supply_voltage` cannot be 0"),
+    ] {
+        let mut log = LogWriter::create(&path).unwrap();
+        log.metadata("robot_overrides", [(key.to_owned(), text.to_owned())].into())
+            .unwrap();
+        log.finish().unwrap();
+        let said = read(&path, None).unwrap_err().to_string();
+        let place = format!("robot_overrides, key `{key}`");
+        assert!(said.contains(&place) && said.contains(why), "{said}");
+    }
 }

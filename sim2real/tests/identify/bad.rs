@@ -1,9 +1,13 @@
 //! Logs that cannot carry an answer get none.
 
-use omniwalk_sim2real::identify::Verdict;
-use omniwalk_sim2real::recording::Recording;
+use omniwalk_env::effect::{self, Effect, Kind};
+use omniwalk_env::robot::Robot;
+use omniwalk_sim2real::check::Fault;
+use omniwalk_sim2real::identify::{Verdict, replay};
+use omniwalk_sim2real::recording::{Recording, Series};
 
-use crate::rig::{identify, logs, rig};
+use crate::record::{NOISE, record};
+use crate::rig::{Files, identify, identify_files, load, logs, rig};
 
 /// What is done to good logs, by name.
 type Spoil = fn(&mut Vec<Recording>);
@@ -37,9 +41,19 @@ fn thin(logs: &mut [Recording], keep: usize) {
     }
 }
 
+/// What is done from the middle of a log on to the times of all that is in it.
+fn late(logs: &mut [Recording], seconds: f64) {
+    for log in logs {
+        let joint = &mut log.joints[0];
+        for series in [&mut joint.command, &mut joint.position] {
+            series.time.iter_mut().skip(400).for_each(|t| *t += seconds);
+        }
+    }
+}
+
 #[test]
-fn logs_that_carry_no_answer_are_not_explained() {
-    let spoils: [(&str, Spoil); 20] = [
+fn logs_that_carry_no_answer_get_none() {
+    let spoils: [(&str, Spoil); 23] = [
         ("half a second", |logs| cut(logs, 0.5)),
         ("two seconds", |logs| cut(logs, 2.0)),
         ("two readings", |logs| cut(logs, 0.012)),
@@ -77,7 +91,6 @@ fn logs_that_carry_no_answer_are_not_explained() {
             let late = |log: &mut Recording| log.joints[0].position.time.iter_mut().for_each(|t| *t += 1.0);
             logs.iter_mut().for_each(late);
         }),
-        ("saturated", |logs| each(logs, |_, q| *q = q.clamp(-0.1, 0.1))),
         ("stuck from a second on", |logs| {
             for log in logs {
                 let held = log.joints[0].position.value[200];
@@ -94,6 +107,15 @@ fn logs_that_carry_no_answer_are_not_explained() {
                 }
             })
         }),
+        ("time that goes backwards", |logs| late(logs, -1.0)),
+        ("a clock that is set", |logs| late(logs, 1.7e9)),
+        ("another robot's log", |logs| {
+            logs.iter_mut().for_each(|log| log.joints[0].name = "knee".into());
+        }),
+        ("commands without measurements", |logs| {
+            logs.iter_mut()
+                .for_each(|log| log.joints[0].position = Series::default());
+        }),
         ("a walk by chance", |logs| {
             let mut at = 0.0;
             each(logs, |i, q| {
@@ -106,11 +128,132 @@ fn logs_that_carry_no_answer_are_not_explained() {
         let mut spoilt = logs(&rig(&[]), 4, 1);
         spoil(&mut spoilt);
         let outcome = identify(&rig(&[]), spoilt, None);
-        assert_ne!(outcome.verdict, Verdict::Explained, "{name}: {:?}", outcome.accepted);
         assert_eq!(
-            outcome.reasons.is_empty(),
-            outcome.verdict != Verdict::InsufficientData,
+            outcome.verdict,
+            Verdict::InsufficientData,
+            "{name}: {:?}",
+            outcome.accepted
+        );
+        assert!(outcome.accepted.is_empty() && !outcome.reasons.is_empty(), "{name}");
+        // A sum of nothing is written as minus zero.
+        assert!(
+            outcome.reasons.iter().all(|reason| !reason.contains("-0.00 s")),
             "{name}"
         );
     }
+}
+
+/// It rests where it is told to go on, as a joint that sticks does: what is left is structure, and no effect is named.
+#[test]
+fn an_encoder_that_saturates_is_not_explained() {
+    let mut spoilt = logs(&rig(&[]), 4, 1);
+    each(&mut spoilt, |_, q| *q = q.clamp(-0.1, 0.1));
+    let outcome = identify(&rig(&[]), spoilt, None);
+    assert_ne!(outcome.verdict, Verdict::Explained, "{:?}", outcome.accepted);
+}
+
+/// Two arms on one base.
+const PAIR: &str = r#"<robot name="pair"><link name="base"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="arm"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="other_arm"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+<joint name="other" type="continuous"><parent link="base"/><child link="other_arm"/><axis xyz="0 1 0"/></joint></robot>"#;
+const TOML: &str = "base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\nkp = 3.0\nkd = 0.05\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\n";
+const FILES: Files = (PAIR, TOML);
+/// The same with the nominal voltage that the check asks for.
+const WITH_SUPPLY: Files = (
+    PAIR,
+    "base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\nkp = 3.0\nkd = 0.05\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\n\
+     [[effect]]\nid = \"supply_voltage\"\nmatch = [\"*\"]\nactual = 7.4\nnominal = 7.4\n",
+);
+
+#[test]
+fn a_log_without_one_of_the_robot_s_joints_gets_no_answer() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let one = logs(&rig(&[]), 4, 1);
+    let outcome = identify_files(folder.path(), FILES, &load(FILES), one, None);
+    assert_eq!(outcome.verdict, Verdict::InsufficientData);
+    let reason = &outcome.reasons[0];
+    assert!(
+        reason.contains("log-1 and 3 other logs: other: ") && reason.contains("not in the log"),
+        "{reason}"
+    );
+}
+
+/// The reason why `logs` cannot be replayed with the rig.
+fn refused(logs: &[Recording]) -> String {
+    replay(&rig(&[]), logs).map(|_| ()).expect_err("a refusal").to_string()
+}
+
+/// Each would take as much memory as the time between its readings, by the millisecond.
+#[test]
+fn a_clock_that_jumps_is_refused_with_its_place_wherever_logs_are_cut() {
+    for (seconds, words) in [
+        (1.7e9, "of 19675.9 days, is after 2.00 s"),
+        (30.0 * 86_400.0, "of 30.0 days, is after 2.00 s"),
+        (-1.0, "time goes backwards after 2.00 s"),
+    ] {
+        let mut jumped = logs(&rig(&[]), 1, 1);
+        late(&mut jumped, seconds);
+        let text = refused(&jumped);
+        assert!(
+            text.starts_with("log log-1: joint `hinge`: time ") && text.contains(words),
+            "{text}"
+        );
+        let outcome = identify(&rig(&[]), jumped, None);
+        let reason = &outcome.reasons[0];
+        assert!(
+            reason.contains(words) && reason.contains("split the log there"),
+            "{reason}"
+        );
+    }
+    let mut last = logs(&rig(&[]), 1, 1);
+    *last[0].joints[0].position.time.last_mut().expect("a reading") = 1e300;
+    assert!(refused(&last).contains("1.0e300 s"));
+}
+
+#[test]
+fn overrides_that_cannot_be_are_refused_with_log_and_key() {
+    for (key, value, words) in [
+        ("kp", -3.0, "override `kp` cannot be -3"),
+        ("joint.hinge.kd", f64::NAN, "override `joint.hinge.kd` cannot be NaN"),
+        ("torque_limit", 0.0, "override `torque_limit` cannot be 0"),
+        ("payload.mass", 1e12, "override `payload.mass` cannot be 1000000000000"),
+        ("speed", 3.0, "no parameter `speed`"),
+    ] {
+        let mut own = logs(&rig(&[]), 1, 1);
+        own[0].overrides.insert(key.into(), value);
+        let text = refused(&own);
+        assert!(text.starts_with("log log-1: ") && text.contains(words), "{text}");
+    }
+}
+
+#[test]
+fn a_voltage_is_used_once_the_robot_has_the_nominal_one_that_the_check_asks_for() {
+    let supplied = |actual: f64| {
+        let mut truth: Robot = load(FILES);
+        (0..2).for_each(|d| effect::apply(&mut truth, &Effect::new(Kind::SupplyVoltage, d, &[actual, 7.4])));
+        let mut log = record(&truth, 1, |_, t| 0.6 * (3.0 * t).sin() + 0.4 * (8.0 * t).sin());
+        log.overrides.insert("supply_voltage".into(), actual);
+        log
+    };
+    let logs = [supplied(7.4), supplied(5.0)];
+    let [without, with] = [FILES, WITH_SUPPLY].map(|files| replay(&load(files), &logs).expect("a replay"));
+    let unused = |finding: &&omniwalk_sim2real::check::Finding| finding.fault == Fault::UnusedOverride;
+    let said = without.check.remarks.iter().find(unused).expect("a remark").to_string();
+    assert!(
+        said.starts_with("log-1: the override `supply_voltage` is not used"),
+        "{said}"
+    );
+    for words in [
+        "`[[effect]]`",
+        "`id = \"supply_voltage\"`",
+        "`match = [\"*\"]`",
+        "`nominal = V`",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    assert!(!with.check.remarks.iter().any(|finding| unused(&finding)));
+    let errors = [without.measure.overall(), with.measure.overall()];
+    assert!(errors[1] < 3.0 * NOISE && errors[0] > 10.0 * errors[1], "{errors:?}");
 }

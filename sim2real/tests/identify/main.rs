@@ -82,6 +82,19 @@ fn a_robot_that_walks_freely_is_identified_on_a_stand() {
 }
 
 #[test]
+fn what_is_measured_beside_positions_is_compared_too() {
+    let robot = rig(&[]);
+    let own = replay(&robot, &logs(&robot, 2, 0)).expect("a replay");
+    let velocity = own.measure.by_quantity["joint_velocity"]["rmse"];
+    let fastest = own.check.logs[0].joints[0].excitation.fastest;
+    assert!(velocity < 0.01 * fastest, "{velocity} of {fastest}");
+    assert!(!own.measure.by_quantity.contains_key("orientation"), "the base is held");
+    let slower = rig(&[(Kind::CommandDelay, &[0.03])]);
+    let late = replay(&robot, &logs(&slower, 2, 0)).expect("a replay");
+    assert!(late.measure.by_quantity["joint_velocity"]["rmse"] > 5.0 * velocity);
+}
+
+#[test]
 fn friction_that_rises_towards_rest_is_found() {
     is_found(Kind::StribeckFriction, &[0.12, 0.4, 0.0]);
 }
@@ -120,6 +133,21 @@ fn delays_of_command_and_reading_are_named_together() {
         named.contains(&"command_delay".to_owned()) && named.contains(&"sensor_delay".to_owned()),
         "{named:?}"
     );
+    // Where the motor is off, readings are late and commands are none.
+    let [separation] = outcome.separation.as_slice() else {
+        panic!("{:?}", outcome.separation);
+    };
+    assert!(
+        separation.tells && separation.motion.contains("motors off"),
+        "{separation}"
+    );
+    let alternatives = &outcome.alternatives[0];
+    assert!(
+        alternatives
+            .iter()
+            .all(|own| (own.parameters["time"].value - 0.02).abs() < 1e-3)
+    );
+    assert_eq!(alternatives.iter().filter(|own| own.in_robot).count(), 1);
 }
 
 #[test]
@@ -149,6 +177,9 @@ fn a_heavier_arm_is_named_with_what_it_scales() {
         let named = named(&outcome);
         assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
         assert_eq!(named[..3], ["payload", "mass", "kp_scale of hinge"]);
+        let payload = &outcome.separation[0];
+        assert!(payload.between[0].starts_with("payload") && payload.tells, "{payload}");
+        assert!(payload.motion.contains("known weight"), "{payload}");
     }
 }
 
@@ -198,8 +229,22 @@ fn friction_that_grows_while_a_log_lasts_is_a_table_over_time() {
 #[test]
 fn held_out_logs_change_nothing_but_the_report() {
     let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4, 0.0])]);
-    let with = |held| {
+    let mut degrees = logs(&truth, 1, 50).swap_remove(0);
+    degrees.name = "degrees".into();
+    degrees.joints[0]
+        .position
+        .value
+        .iter_mut()
+        .for_each(|q| *q = q.to_degrees());
+    let with = |held, left_out: bool| {
         let outcome = identify(&rig(&[]), logs(&truth, 3, 1), Some(held));
+        assert_eq!(
+            outcome.heldout.contains("left out: degrees"),
+            left_out,
+            "{}",
+            outcome.heldout
+        );
+        assert!(outcome.heldout_error.is_none() && outcome.last.heldout.overall() < 0.1);
         serde_json::to_string(&(
             &outcome.accepted[0].parameters,
             &outcome.retuned,
@@ -208,7 +253,9 @@ fn held_out_logs_change_nothing_but_the_report() {
         ))
         .expect("plain data")
     };
-    assert_eq!(with(logs(&truth, 2, 100)), with(logs(&rig(&[]), 1, 7)));
+    let own = with(logs(&truth, 2, 100), false);
+    let others = with([vec![degrees], logs(&rig(&[]), 1, 7)].concat(), true);
+    assert_eq!(own, others);
 }
 
 #[test]

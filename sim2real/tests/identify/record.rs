@@ -83,6 +83,7 @@ fn record_in(
                 push(&mut joint.command, time, told);
                 let seen = actuators.read(d, 0, &engine.joints().position);
                 push(&mut joint.position, time, seen + stream.normal(NOISE));
+                push(&mut joint.velocity, time, engine.joints().velocity[d]);
             }
             let base = engine.base(0);
             let turning = base.orientation.inverse() * base.angular_velocity;

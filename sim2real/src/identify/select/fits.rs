@@ -3,7 +3,7 @@
 use omniwalk_env::effect::Kind;
 
 use super::super::candidates;
-use super::super::fit::{Fit, Loss, total};
+use super::super::fit::{Fit, total};
 use super::super::model::{Model, Term};
 use super::super::own::Own;
 use super::worth::WORTH_OF_GAP;
@@ -23,10 +23,10 @@ impl Selector<'_> {
         self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
     }
 
-    /// Whether the effect `kind` on `target` does what re-tuning `own` of degree of freedom `dof` does: beside their nominal values it
-    /// predicts no worse, or takes all but a trifle of what they take, as more numbers also bend to what else a model is wrong about. The
-    /// joint's other numbers are fitted with all.
-    pub fn stands_for(&self, fit: &Fit, dof: usize, own: &[Own], (kind, target): (Kind, usize)) -> bool {
+    /// The model with the effect `kind` on `target` in the place of `own` of degree of freedom `dof`, where that does what re-tuning those
+    /// does: beside their nominal values it predicts no worse, or takes all but a trifle of what they take, as more numbers also bend to
+    /// what else a model is wrong about. The joint's other numbers are fitted with all.
+    pub fn standing_for(&self, fit: &Fit, dof: usize, own: &[Own], (kind, target): (Kind, usize)) -> Option<Model> {
         let nominal = self.of_joint(&fit.model, dof, own);
         let with = |term: Term| {
             let mut model = nominal.clone();
@@ -37,9 +37,10 @@ impl Selector<'_> {
         let starts: Vec<Model> = effects.into_iter().flat_map(|effect| effect.starts).map(with).collect();
         let effect = candidates::promising(self.data, starts, self.scales);
         let [effect, tuned, nominal] = [effect, self.of_joint(&fit.model, dof, &[]), nominal]
-            .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)).cross);
-        let beyond = |cross: &[Loss]| total(cross) - total(&tuned);
-        !self.apart(&effect, &tuned) || beyond(&effect) < WORTH_OF_GAP * beyond(&nominal)
+            .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
+        let beyond = |judged: &Judged| total(&judged.cross) - total(&tuned.cross);
+        let stands = !self.apart(&effect.cross, &tuned.cross) || beyond(&effect) < WORTH_OF_GAP * beyond(&nominal);
+        stands.then_some(effect.fit.model)
     }
 
     /// `model` with all held but what it has on degree of freedom `dof`, of which `nominal` are held at their nominal values.

@@ -11,6 +11,7 @@ mod fits;
 mod settle;
 mod step;
 mod tables;
+mod together;
 mod worth;
 
 pub use tables::Tabled;
@@ -65,6 +66,10 @@ pub struct Alike {
     pub chosen: (Kind, usize),
     /// The others.
     pub others: Vec<(Kind, usize)>,
+    /// The models with those in its place.
+    pub models: Vec<Model>,
+    /// The numbers that those have there.
+    pub values: Vec<Vec<f64>>,
 }
 
 /// What the steps led to.
@@ -82,6 +87,8 @@ pub struct Selection {
     pub alike: Vec<Alike>,
     /// Effects tried in the largest step.
     pub tried: usize,
+    /// Among how many each effect that was taken was the best.
+    pub counts: Vec<Count>,
     /// Largest share of the loss that an effect took in any step.
     pub best: f64,
 }
@@ -93,6 +100,24 @@ impl Selection {
         let good = self.rejected.iter().filter(|r| r.most >= RIVAL * best);
         let own = self.last.model.terms.iter().map(|term| (term.kind, term.target));
         good.map(|r| (r.kind, r.target)).chain(own).collect()
+    }
+
+    /// With what an `earlier` selection, from whose effects this one went on, did not take.
+    pub fn after(mut self, earlier: Self) -> Self {
+        let known = |r: &Rejected| {
+            self.rejected
+                .iter()
+                .any(|own| (own.kind, own.target) == (r.kind, r.target))
+        };
+        let taken = |r: &Rejected| self.last.model.has(r.kind, r.target);
+        let more: Vec<Rejected> = earlier
+            .rejected
+            .into_iter()
+            .filter(|r| !known(r) && !taken(r))
+            .collect();
+        self.rejected.extend(more);
+        self.tried = self.tried.max(earlier.tried);
+        self
     }
 
     /// Takes out the effects of which `out` says so, and the sets that they stand for; `without` is the fit to the others.
@@ -136,7 +161,12 @@ pub struct Selector<'a> {
     pub rivals: Option<&'a [(Kind, usize)]>,
     /// Limbs that are looked at alike, this among them: an effect is the best of those of all of them.
     pub limbs: usize,
+    /// Among how many each effect was chosen that is there from the beginning.
+    pub counts: &'a [Count],
 }
+
+/// An effect on a degree of freedom or link, and among how many it was the best.
+pub type Count = ((Kind, usize), usize);
 
 /// A fit with its cross-validated loss.
 #[derive(Clone)]
@@ -168,7 +198,7 @@ struct Steps {
     /// Effects tried in the largest step.
     most: usize,
     /// Effects among which each that was taken was the best.
-    counts: Vec<((Kind, usize), usize)>,
+    counts: Vec<Count>,
     /// What was fitted already, by the effects it has.
     known: Vec<(Terms, Judged)>,
     /// What was tried already, by the effects it was tried beside.
@@ -190,6 +220,7 @@ impl<'a> Selector<'a> {
             negligible: floor.negligible_squares(data),
             rivals: None,
             limbs: 1,
+            counts: &[],
         }
     }
 
@@ -207,7 +238,7 @@ impl<'a> Selector<'a> {
             now: refit.clone(),
             rejected: Vec::new(),
             most: 0,
-            counts: Vec::new(),
+            counts: self.counts.to_vec(),
             known: vec![(Terms::new(), refit.clone())],
             tried: Vec::new(),
         };
@@ -250,7 +281,12 @@ impl<'a> Selector<'a> {
         }
         let most_taken = steps.rejected.iter().map(|r| r.most).fold(0.0, f64::max);
         let tried = steps.most * self.limbs;
-        let Steps { now, mut rejected, .. } = steps;
+        let Steps {
+            now,
+            mut rejected,
+            counts,
+            ..
+        } = steps;
         for rejected in &mut rejected {
             rejected.reason = match rejected.at_best {
                 _ if curves.contains(&(rejected.kind, rejected.target)) => {
@@ -268,6 +304,7 @@ impl<'a> Selector<'a> {
             rejected,
             alike,
             tried,
+            counts,
             best: most_taken,
         }
     }
@@ -322,17 +359,6 @@ impl<'a> Selector<'a> {
         let above = |d: &usize| left[*d] / self.floors[*d];
         let order = (0..left.len()).max_by(|a, b| above(a).total_cmp(&above(b)));
         order.unwrap_or(0)
-    }
-
-    /// Every effect of the catalogue at once, each from its first start: what is compared with, not what is chosen.
-    pub fn all_at_once(&self, tuned: &Model) -> Model {
-        let mut model = tuned.clone();
-        for candidate in self.candidates(tuned) {
-            if !model.has(candidate.kind, candidate.target) {
-                model.terms.push(candidate.starts[0].clone());
-            }
-        }
-        self.data.fit(&model, self.scales, &|_| true).model
     }
 }
 

@@ -71,6 +71,7 @@ impl Selector<'_> {
                 term = model.terms[i].clone();
             }
             let mut others: Vec<(Kind, usize)> = Vec::new();
+            let (mut models, mut values) = (Vec::new(), Vec::new());
             for (candidate, judged) in tried.iter() {
                 let helps = self.worth(&without, judged, &self.folds.gain(&without.cross, &judged.cross));
                 // What needs more numbers to do the same is no equal explanation.
@@ -81,12 +82,18 @@ impl Selector<'_> {
                 }
                 if helps && plain && !self.apart(&judged.cross, &steps.now.cross) && !others.contains(&own) {
                     others.push(own);
+                    let model = &judged.fit.model;
+                    let there = model.term(own.0, own.1).map(|term| term.values.clone());
+                    values.push(there.unwrap_or_default());
+                    models.push(model.clone());
                 }
             }
             if !others.is_empty() {
                 alike.push(Alike {
                     chosen: (term.kind, term.target),
                     others,
+                    models,
+                    values,
                 });
             }
         }

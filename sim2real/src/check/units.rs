@@ -1,0 +1,87 @@
+//! Units of positions and velocities, by the robot's limits and by each other.
+
+use omniwalk_env::robot::{Joint, JointKind};
+
+use super::findings::{At, Findings};
+use super::text::fixed;
+use super::{Fault, JointCheck};
+
+/// Positions may lie beyond the limits by this share of the range: stops give, zeros are off.
+const BEYOND_LIMITS: f64 = 0.25;
+/// Degrees per radian, millimetres per metre.
+const FACTORS: [(JointKind, f64, &str); 2] = [
+    (
+        JointKind::Revolute,
+        180.0 / std::f64::consts::PI,
+        "degrees, not radians",
+    ),
+    (JointKind::Prismatic, 1000.0, "millimetres, not metres"),
+];
+/// A ratio within this factor of one of those above is one of units.
+const NEAR: f64 = 2.0;
+
+impl Findings {
+    /// Positions beyond the limits, and ratios of about 57 between quantities that should agree.
+    pub(super) fn units(&mut self, check: &JointCheck, joint: &Joint, at: At<'_>) {
+        let factor = FACTORS.iter().find(|(kind, ..)| *kind == joint.kind);
+        let Some((_, factor, words)) = factor else { return };
+        let near = |ratio: f64| (factor / NEAR..factor * NEAR).contains(&ratio);
+        if let Some(relation) = check.following.filter(|relation| relation.best_correlation > 0.7) {
+            for (ratio, what) in [(relation.ratio, "the position"), (1.0 / relation.ratio, "the command")] {
+                if near(ratio) {
+                    self.refuse(
+                        Fault::Units,
+                        at,
+                        format!(
+                            "{what} is {ratio:.0} times the other of command and position: it seems to be in {words}"
+                        ),
+                    );
+                }
+            }
+        }
+        if let Some(relation) = check
+            .velocity_to_slope
+            .filter(|relation| relation.correlation.abs() > 0.7)
+        {
+            if near(relation.ratio) {
+                self.refuse(
+                    Fault::Units,
+                    at,
+                    format!(
+                        "the velocity is {:.0} times the slope of the position: it seems to be in {words}, per second",
+                        relation.ratio
+                    ),
+                );
+            } else if !(0.5..2.0).contains(&relation.ratio) {
+                self.refuse(
+                    Fault::Units,
+                    at,
+                    format!(
+                        "the velocity is {:.3} times the slope of the position: its unit or scale is another",
+                        relation.ratio
+                    ),
+                );
+            }
+        }
+        let (lower, upper) = joint.limits;
+        let slack = BEYOND_LIMITS * (upper - lower);
+        let Some([smallest, largest]) = check.position.range.filter(|_| slack.is_finite()) else {
+            return;
+        };
+        if smallest >= lower - slack && largest <= upper + slack {
+            return;
+        }
+        let fits = smallest / factor >= lower - slack && largest / factor <= upper + slack;
+        let [a, b, c, d] = [smallest, largest, lower, upper].map(|value| fixed(value, 3));
+        let range = format!("positions from {a} to {b}, limits {c} to {d}");
+        if fits && (smallest.abs().max(largest.abs())) > 3.0 * lower.abs().max(upper.abs()) {
+            self.refuse(Fault::Units, at, format!("{range}: they seem to be in {words}"));
+        } else {
+            self.refuse(
+                Fault::OutOfRange,
+                at,
+                format!("{range}: another robot, another zero, or another unit"),
+            );
+        }
+    }
+}
