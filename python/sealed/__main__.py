@@ -2,6 +2,7 @@
 
     python -m sealed generate rig --seeds 0-7 --out DIR [--logs 8]
     python -m sealed run fixed --out DIR --results DIR [--program omniwalk]
+    python -m sealed baseline fixed --out DIR --results DIR --program PROGRAM
     python -m sealed summary --out DIR --results DIR
     python -m sealed walk POLICY.omni --machine walk --seed 1000 --out DIR
     python -m sealed close --seeds 0-4 --from RUN --out DIR --results DIR [--program omniwalk]
@@ -42,6 +43,12 @@ def main() -> None:
     run.add_argument("--program", default="omniwalk", help="the command [omniwalk]")
     run.add_argument("--limit", type=float, default=1800.0, help="time for one case, s [1800]")
     run.set_defaults(run=_run)
+    every = commands.add_parser("baseline", help="fits every effect at once to cases that have a result, to compare with")
+    every.add_argument("cases", choices=cases.LISTS)
+    every.add_argument("--out", type=Path, required=True, help="where cases are, or are made")
+    every.add_argument("--results", type=Path, required=True)
+    every.add_argument("--program", required=True, help="`cargo build --release -p omniwalk-sim2real --example all_effects` makes it")
+    every.set_defaults(run=_baseline)
     judge = commands.add_parser("summary", help="compares results with truths")
     judge.add_argument("--out", type=Path, required=True)
     judge.add_argument("--results", type=Path, required=True)
@@ -72,6 +79,10 @@ def _generate(arguments) -> None:
 def _run(arguments) -> None:
     program = shlex.split(arguments.program)
     runner.run(cases.LISTS[arguments.cases], program, arguments.out, arguments.results, arguments.limit)
+
+
+def _baseline(arguments) -> None:
+    runner.baseline(cases.LISTS[arguments.cases], shlex.split(arguments.program), arguments.out, arguments.results)
 
 
 def _summary(arguments) -> None:

@@ -28,11 +28,32 @@ def run(chosen: list[tuple[str, int]], program: list[str], out: Path, results: P
         if target.exists():
             continue
         result = identify(cases.ensure(machine, seed, out), program, limit)
-        # Written whole or not at all.
-        partial = target.with_suffix(".part")
-        partial.write_text(json.dumps(result, indent=1) + "\n")
-        partial.rename(target)
+        write(target, result)
         print(f"{target.stem}: {result['report'].get('verdict', 'no report')} in {result['seconds']:.0f} s", flush=True)
+
+
+def baseline(chosen: list[tuple[str, int]], program: list[str], out: Path, results: Path) -> None:
+    """Fits every effect at once to the chosen cases that have a result, and puts its errors there; what is done is skipped."""
+    for machine, seed in chosen:
+        target = results / f"{machine}-{seed:04d}.json"
+        result = json.loads(target.read_text()) if target.exists() else {}
+        if not result.get("report") or "baseline_seconds" in result:
+            continue
+        case = cases.ensure(machine, seed, out)
+        start = time.monotonic()
+        folders = [str(case / part) for part in ("robot", "fit", "heldout")]
+        done = subprocess.run([*program, *folders], capture_output=True, text=True, check=True)
+        result["baseline_seconds"] = time.monotonic() - start
+        result["report"]["all_effects"] = json.loads(done.stdout)
+        write(target, result)
+        print(f"{target.stem}: every effect at once in {result['baseline_seconds']:.0f} s", flush=True)
+
+
+def write(target: Path, result: dict) -> None:
+    """Writes a result whole or not at all."""
+    partial = target.with_suffix(".part")
+    partial.write_text(json.dumps(result, indent=1) + "\n")
+    partial.rename(target)
 
 
 def identify(case: Path, program: list[str], limit: float) -> dict:
