@@ -1,4 +1,4 @@
-"""Identifies what the models of measured machines lack, and tabulates it.
+"""Identifies what the models of measured machines lack, tabulates it and keeps a picture of the first log that was held out.
 
     OMNIWALK_SHARED=FOLDER python3 -m studies.real_data [RESULTS]     (in `python/`)
 
@@ -7,8 +7,10 @@ FOLDER holds the published logs that `docs/maps` is for, under `data/`. What is 
 standard library.
 """
 
+import base64
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -54,8 +56,8 @@ def cases(data: Path) -> dict[str, tuple[str, str, list[Path], list[Path]]]:
     return found
 
 
-def identify(robot: str, column_map: str, fit: list[Path], held_out: list[Path]) -> dict:
-    """The report of `omniwalk identify`, and how long it took."""
+def identify(robot: str, column_map: str, fit: list[Path], held_out: list[Path], picture: Path) -> dict:
+    """The report of `omniwalk identify`, and how long it took; the first picture of its page goes to `picture`."""
     with tempfile.TemporaryDirectory() as folder:
         command = [OMNIWALK, "identify", *map(str, fit), "--robot", str(ROOT / "robots" / robot), "--out", folder]
         command += ["--map", str(ROOT / "docs" / "maps" / column_map)]
@@ -63,7 +65,15 @@ def identify(robot: str, column_map: str, fit: list[Path], held_out: list[Path])
         start = time.monotonic()
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         report = json.loads((Path(folder) / "report.json").read_text())
+        picture.write_bytes(first_picture((Path(folder) / "report.html").read_text()))
     return {"seconds": round(time.monotonic() - start), **{key: report[key] for key in KEPT}}
+
+
+def first_picture(page: str) -> bytes:
+    """The first picture of a page: measured and simulated motion in a log."""
+    found = re.search(r'src="data:image/png;base64,([A-Za-z0-9+/=]+)"', page)
+    assert found, "the page has no picture"
+    return base64.b64decode(found.group(1))
 
 
 def number(value: float | None) -> str:
@@ -93,7 +103,8 @@ def main() -> None:
             target = results / (name.replace(",", "").replace(" ", "-") + ".json")
             if not target.exists():
                 draft = target.with_suffix(".draft")
-                draft.write_text(json.dumps({"name": name, **identify(*task)}, indent=1) + "\n")
+                result = identify(*task, target.with_suffix(".png"))
+                draft.write_text(json.dumps({"name": name, **result}, indent=1) + "\n")
                 draft.replace(target)
     print("| logs | verdict | missing | what is left depends on | nominal | re-tuned | final | floor | gap closed |")
     print("|---|---|---|---|---|---|---|---|---|")

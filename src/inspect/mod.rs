@@ -5,6 +5,7 @@ mod config;
 mod evaluation;
 mod events;
 mod folder;
+mod identification;
 mod log;
 mod policy;
 mod robot;
@@ -49,8 +50,8 @@ enum InspectError {
     #[error("{} is none of the files omniwalk knows", .0.display())]
     #[diagnostic(help(
         "it knows robots (.urdf, or a folder with one), run folders and the folders in them, policies (.omni), checkpoints \
-         (.safetensors), logs (.mcap), configurations (.toml), metrics (.csv), TensorBoard events, evaluations (.json) and \
-         what `omniwalk report` writes (.png, .html)"
+         (.safetensors), logs (.mcap), configurations (.toml), metrics (.csv), TensorBoard events, evaluations (.json), \
+         what `omniwalk identify` writes (a folder with report.json) and what `omniwalk report` writes (.png, .html)"
     ))]
     Unknown(PathBuf),
 }
@@ -74,6 +75,7 @@ pub fn describe(path: &Path, defaults: &Layers) -> Result<String, Report> {
         Kind::Metrics => metrics(&Metrics::read(path)?),
         Kind::Events => events::describe(path)?,
         Kind::Evaluation => evaluation::describe(path)?,
+        Kind::Identification(report) => identification::describe(&report)?,
         Kind::Picture => picture(path)?,
         Kind::Report => report(path)?,
         Kind::Lock => "lock of a run folder: held while a process trains there\n".to_owned(),
@@ -106,6 +108,8 @@ enum Kind {
     Metrics,
     Events,
     Evaluation,
+    /// The report.
+    Identification(PathBuf),
     Picture,
     Report,
     Lock,
@@ -142,6 +146,7 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
         }),
         Some("toml") => Ok(Kind::Config),
         Some("csv") => Ok(Kind::Metrics),
+        Some("json") if identification::is_one(path) => Ok(Kind::Identification(path.to_owned())),
         Some("json") => Ok(Kind::Evaluation),
         Some("html") => Ok(Kind::Report),
         _ => Err(unknown()),
@@ -154,6 +159,10 @@ fn folder_kind(path: &Path) -> std::io::Result<Option<Kind>> {
     }
     if !files_of(path, "urdf")?.is_empty() {
         return Ok(Some(Kind::Robot));
+    }
+    let report = path.join("report.json");
+    if report.is_file() {
+        return Ok(Some(Kind::Identification(report)));
     }
     let named = |name: &str| path.file_name().is_some_and(|own| own == name);
     let logs = files_of(path, "mcap")?;
@@ -184,7 +193,7 @@ fn report(path: &Path) -> Result<String, InspectError> {
     if !page.starts_with(HEAD.as_bytes()) {
         return Err(InspectError::Damaged {
             path: path.to_owned(),
-            why: "no page of `omniwalk report`".to_owned(),
+            why: "no page of `omniwalk report`, `identify` or `replay`".to_owned(),
         });
     }
     let pictures = page.windows(5).filter(|tag| *tag == b"<img ").count();

@@ -8,7 +8,7 @@ use omniwalk_sim2real::identify::{Alternative, Lacking, Measure, Outcome, Parame
 
 use super::ReportError;
 use super::canvas::{COLOURS, PALE};
-use super::html::{STYLE, escaped};
+use super::html::{HEAD, STYLE, escaped};
 use super::residual::{Predicted, pictures};
 
 /// The page of an identification.
@@ -68,11 +68,7 @@ pub fn replay(robot: &str, replay: &Replay) -> Result<String, ReportError> {
 }
 
 fn head(robot: &str, what: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-        <title>omniwalk: {0}</title>\n<style>{STYLE}</style>\n<h1>{0}: {what}</h1>\n",
-        escaped(robot)
-    )
+    format!("{HEAD}<style>{STYLE}</style>\n<h1>{}: {what}</h1>\n", escaped(robot))
 }
 
 /// A verdict in words.

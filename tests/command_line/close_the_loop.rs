@@ -110,6 +110,17 @@ fn what_a_late_servo_lacks_is_named_with_the_motion_that_would_say_more() {
     }
     assert!(succeeds(folder, &["inspect", "found/robot"]).out.contains("delay"));
 
+    let told = succeeds(folder, &["inspect", "found"]).out;
+    assert!(
+        told.contains("identification of pendulum: indistinguishable") && told.contains("sensor_delay"),
+        "{told}"
+    );
+    assert!(
+        succeeds(folder, &["inspect", "found/report.html"])
+            .out
+            .contains("pictures")
+    );
+
     // An hour's result is not written over.
     let before = contents(folder);
     let again = omniwalk(folder, &identify);

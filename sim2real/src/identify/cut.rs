@@ -25,6 +25,8 @@ const HELD: Stretch = Stretch {
     longest: 60.0,
     warm_up: 0.5,
 };
+/// Of a shorter log, s, half a second would be too much to lose: what its start did not know stays in it.
+const SHORT: f64 = 2.0;
 /// Of what walks freely: it diverges with the time in which it would fall, sqrt(height / g), and is started anew before that
 /// (multiple shooting), and after every landing. Contacts have formed and servos have answered after the warm-up.
 const FREE: Stretch = Stretch {
@@ -62,8 +64,7 @@ pub fn cut(
     let (known, stretch) = if free {
         (base_known(robot, recording)?, FREE)
     } else {
-        let longest = HELD.longest.min(lengths.piece);
-        ((f64::NEG_INFINITY, f64::INFINITY), Stretch { longest, ..HELD })
+        ((f64::NEG_INFINITY, f64::INFINITY), stand(recording, lengths))
     };
     let first = joints.iter().map(|j| j.position.time[0]).fold(known.0, f64::max);
     let last = joints.iter().map(|j| end(&j.position)).fold(known.1, f64::min);
@@ -89,6 +90,19 @@ pub fn cut(
     }
     let pieces = undisturbed.iter().flat_map(|&span| equal(span, stretch.longest));
     Ok(pieces.filter_map(|span| piece(&span)).collect())
+}
+
+/// How a robot is followed whose base is held.
+fn stand(recording: &Recording, lengths: Lengths) -> Stretch {
+    let warm_up = if recording.duration() < SHORT {
+        FREE.warm_up
+    } else {
+        HELD.warm_up
+    };
+    Stretch {
+        longest: HELD.longest.min(lengths.piece),
+        warm_up,
+    }
 }
 
 /// The times between landings in which something is compared after a warm-up.

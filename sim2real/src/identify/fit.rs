@@ -268,10 +268,15 @@ impl Data {
 
     /// Losses and slopes of `model` by block.
     pub fn slopes(&self, model: &Model, scales: &Scales) -> (Vec<Loss>, Vec<Slope>) {
+        let (predictions, steps) = self.predict_beside(model, scales);
+        self.by_block((&predictions, 0), (&predictions, 1), &steps)
+    }
+
+    /// Predictions of `model` (first) and of [`beside`] it, with the steps.
+    fn predict_beside(&self, model: &Model, scales: &Scales) -> (Predictions, Vec<f64>) {
         let (moved, steps) = beside(model, scales);
         let models: Vec<Model> = [model.clone()].into_iter().chain(moved).collect();
-        let predictions = self.predict(&models);
-        self.by_block((&predictions, 0), (&predictions, 1), &steps)
+        (self.predict(&models), steps)
     }
 
     /// The same where `model` is number `m` of those with predictions `known`.
@@ -349,9 +354,7 @@ impl Data {
                     reading.position = position;
                 }
             });
-        let (moved, steps) = beside(model, scales);
-        let models: Vec<Model> = [model.clone()].into_iter().chain(moved).collect();
-        let predictions = halved.predict(&models);
+        let (predictions, steps) = halved.predict_beside(model, scales);
         let dof = |_: usize, reading: &Reading| reading.dof;
         let (_, slopes) = halved.differences((&predictions, 0), (&predictions, 1), &steps, (self.weights.len(), &dof));
         slopes

@@ -13,7 +13,7 @@ use super::torque::{self, MOTOR_TORQUE, Moment};
 
 /// A joint's residual is negligible below this share of what its servo gives way under its own torque: friction that builds up
 /// over a hair's breadth and motors that answer a fraction of a millisecond later, which every machine has, leave more
-/// than two hundredths on one of the sealed rigs (docs/closing-the-loop.md).
+/// than two hundredths on one of the sealed rigs (docs/how-identify-works.md).
 const NEGLIGIBLE: f64 = 0.04;
 /// Soft servos give way so far that this is no bound for them: what is farther above the noise than this is not negligible.
 const NEGLIGIBLE_OVER_FLOOR: f64 = 1.5;

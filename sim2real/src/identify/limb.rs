@@ -237,9 +237,8 @@ impl Way<'_> {
         }
         data.typical = data.typical_under(tuned);
         (self.log)(&format!(
-            "re-tuned: {:.5} of the readings' scale; floor {:.5}; {} physics steps a ms",
-            leftover::root(data, tuned),
-            floor.root(),
+            "re-tuned; the floor is {:.2} of what that leaves; {} physics steps a ms",
+            floor.root() / leftover::root(data, tuned),
             data.finer
         ));
         let selector = Selector {

@@ -1,6 +1,6 @@
 //! What is fitted to, what is held out, and whether the logs can carry an answer at all.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use omniwalk_env::robot::{Base, Robot};
@@ -174,7 +174,7 @@ pub fn insufficient(robot: &Robot, trials: &[Trial]) -> Vec<String> {
             "the logs hold {seconds:.2} s to fit to; at least {SHORTEST} s are needed, and 20 s are good"
         )];
     }
-    let mut reasons = Vec::new();
+    let mut reasons = few_readings(robot, trials);
     let mut moving = 0;
     for d in 0..robot.dofs.len() {
         let name = &robot.dof(d).name;
@@ -182,23 +182,9 @@ pub fn insufficient(robot: &Robot, trials: &[Trial]) -> Vec<String> {
             .iter()
             .flat_map(|trial| trial.readings.iter().filter(|r| r.dof == d).map(|r| r.position))
             .collect();
-        let rate = readings.len() as f64 / seconds;
-        if readings.len() < FEWEST || rate < SLOWEST {
-            reasons.push(format!(
-                "joint `{name}` has {} readings, {rate:.1} a second; at least {FEWEST} and {SLOWEST} a second are needed",
-                readings.len()
-            ));
-            continue;
-        }
         let (low, high) = readings
             .iter()
             .fold((f64::MAX, f64::MIN), |(l, h), &q| (l.min(q), h.max(q)));
-        if let Some(ratio) = degrees(trials, d, high - low) {
-            reasons.push(format!(
-                "joint `{name}` moves {ratio:.0} times as far as it is told to: positions look like degrees, commands like rad"
-            ));
-            continue;
-        }
         let noise = noise::sensor(trials, d);
         if readings.iter().any(|q| !q.is_finite() || q.abs() > FARTHEST) {
             reasons.push(format!(
@@ -211,24 +197,45 @@ pub fn insufficient(robot: &Robot, trials: &[Trial]) -> Vec<String> {
     if reasons.is_empty() && moving == 0 {
         reasons.push("no joint moves beyond its noise: send commands that move them (omniwalk excite)".into());
     }
-    let told = |d: usize| trials.iter().any(|trial| varies(&trial.told[d].command));
+    // Within a log, or from log to log: each may be one step.
+    let told = |d: usize| {
+        let commands = trials.iter().flat_map(|trial| &trial.told[d].command);
+        varies(commands.copied())
+    };
     if reasons.is_empty() && !(0..robot.dofs.len()).any(told) && !released(trials) {
         reasons.push("no command changes: the logs show nothing but rest or motion from outside".into());
     }
     reasons
 }
 
-/// The range of the readings over that of the commands, where it looks like degrees over radians.
-fn degrees(trials: &[Trial], d: usize, range: f64) -> Option<f64> {
-    let told = trials.iter().map(|trial| &trial.told[d]).filter(|told| !told.effort);
-    let commands = told.flat_map(|told| &told.command).copied();
-    let (low, high) = commands.fold((f64::MAX, f64::MIN), |(l, h), c| (l.min(c), h.max(c)));
-    let ratio = range / (high - low);
-    (high > low && (25.0..100.0).contains(&ratio)).then_some(ratio)
+/// What is said of joints with too few readings in the time that is compared, once for those that have as few.
+fn few_readings(robot: &Robot, trials: &[Trial]) -> Vec<String> {
+    let compared = |trial: &Trial| {
+        let first = trial.readings.first().map_or(trial.steps as f64, |reading| reading.at);
+        (trial.steps as f64 - first) * DT
+    };
+    let seconds: f64 = trials.iter().map(compared).sum();
+    let mut few: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
+    for d in 0..robot.dofs.len() {
+        let own = trials
+            .iter()
+            .flat_map(|trial| &trial.readings)
+            .filter(|reading| reading.dof == d);
+        let count = own.count();
+        if count < FEWEST || (count as f64) < SLOWEST * seconds {
+            few.entry(count).or_default().push(&robot.dof(d).name);
+        }
+    }
+    let said = few.into_iter().map(|(count, joints)| {
+        let (joints, rate) = (joints.join(", "), count as f64 / seconds.max(DT));
+        format!("{joints}: {count} readings, {rate:.1} a second; at least {FEWEST} and {SLOWEST} a second are needed")
+    });
+    said.collect()
 }
 
-fn varies(values: &[f64]) -> bool {
-    values.iter().any(|v| (v - values[0]).abs() > 1e-9)
+fn varies(mut values: impl Iterator<Item = f64>) -> bool {
+    let first = values.next();
+    first.is_some_and(|first| values.any(|value| (value - first).abs() > 1e-9))
 }
 
 /// Whether a motor is off for a while: a free swing says something too.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use omniwalk_env::effect::{Kind, Place, Site};
+use omniwalk_env::effect::{Kind, Parameter, Place, Site};
 use omniwalk_env::robot::can_vary;
 
 use super::found::Found;
@@ -47,19 +47,30 @@ fn ranges(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
         let name = &task.robot.dof(term.target).name;
         let _ = write!(out, "\n[[range]]\nid = {:?}\nmatch = [{name:?}]\n", info.id);
         for &(i, half) in known {
-            let (value, bounds) = (term.values[i], info.parameters[i].bounds);
-            // What is there is there: half of it is left.
-            let least = if value > 0.0 { 0.5 * value } else { bounds.lower };
-            let lower = (value - half).max(least).max(bounds.lower);
-            let _ = writeln!(
-                out,
-                "{} = [{lower:?}, {:?}]",
-                info.parameters[i].name,
-                (value + half).min(bounds.upper)
-            );
+            let [lower, upper] = drawn(&info.parameters[i], term.values[i], half);
+            let _ = writeln!(out, "{} = [{lower:?}, {upper:?}]", info.parameters[i].name);
         }
     }
     out
+}
+
+/// What training draws a `parameter` from that was found to be `value`, with half an interval of `half`.
+///
+/// What is there is there: half of its way from doing nothing is left. A size that is open down to none stays so, as one of its effect is not
+/// ([`drop_doubtful`](super::select::Selector::drop_doubtful)): of a ripple, sine or cosine.
+fn drawn(parameter: &Parameter, value: f64, half: f64) -> [f64; 2] {
+    let [mut lower, mut upper] = [value - half, value + half];
+    let nothing = parameter.neutral.unwrap_or(0.0);
+    let open = parameter.neutral.is_some() && half > (value - nothing).abs();
+    if !open {
+        let middle = 0.5 * (value + nothing);
+        if value > nothing {
+            lower = lower.max(middle);
+        } else {
+            upper = upper.min(middle);
+        }
+    }
+    [lower.max(parameter.bounds.lower), upper.min(parameter.bounds.upper)]
 }
 
 /// The numbers of `model`, with the `intervals` of those that are re-tuned and then of effects; what was re-tuned beside a table has none.
@@ -124,4 +135,43 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(kind: Kind, name: &str) -> &'static Parameter {
+        let mut parameters = kind.info().parameters.iter();
+        parameters
+            .find(|parameter| parameter.name == name)
+            .expect("a parameter")
+    }
+
+    #[test]
+    fn half_of_what_was_found_is_left_of_whichever_sign_and_from_whatever_does_nothing() {
+        let (torque, gain) = (of(Kind::ExternalForce, "torque"), of(Kind::CommandGain, "gain"));
+        assert_eq!(drawn(torque, 0.5, 0.125), [0.375, 0.625], "a narrow interval stays");
+        assert_eq!(drawn(torque, 0.5, 0.375), [0.25, 0.875]);
+        assert_eq!(drawn(torque, -0.5, 0.375), [-0.875, -0.25]);
+        assert_eq!(drawn(gain, 0.5, 0.375), [0.125, 0.75], "a gain of one does nothing");
+        assert_eq!(drawn(gain, 1.5, 0.375), [1.25, 1.875]);
+        let velocity = of(Kind::StribeckFriction, "velocity");
+        assert_eq!(drawn(velocity, 0.5, 2.0), [0.25, 2.5], "no velocity is none");
+    }
+
+    #[test]
+    fn a_size_that_is_open_down_to_none_stays_open() {
+        assert_eq!(drawn(of(Kind::PositionRipple, "cosine"), 0.125, 0.5), [-0.375, 0.625]);
+    }
+
+    #[test]
+    fn nothing_is_drawn_that_a_robot_may_not_have() {
+        let gap = of(Kind::Backlash, "gap");
+        assert_eq!(
+            drawn(gap, gap.bounds.upper, 0.5 * gap.bounds.upper)[1],
+            gap.bounds.upper
+        );
+        assert_eq!(drawn(gap, 0.125, 1.0)[0], 0.0);
+    }
 }

@@ -11,6 +11,7 @@ use std::path::Path;
 use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
 use omniwalk_env::robot::{Base, Robot};
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
+use omniwalk_sim2real::recording::{Recording, Series};
 use rig::{identify, identify_into, logs, rig};
 
 /// Every name in the accepted effects and the sets that cannot be told apart.
@@ -92,6 +93,42 @@ fn what_is_measured_beside_positions_is_compared_too() {
     let slower = rig(&[(Kind::CommandDelay, &[0.03])]);
     let late = replay(&robot, &logs(&slower, 2, 0)).expect("a replay");
     assert!(late.measure.by_quantity["joint_velocity"]["rmse"] > 5.0 * velocity);
+}
+
+/// What `series` has from `from` to `to` s, from there.
+fn part(series: &Series, from: f64, to: f64) -> Series {
+    let own = series
+        .time
+        .iter()
+        .zip(&series.value)
+        .filter(|(t, _)| (from..to).contains(*t));
+    let (time, value) = own.map(|(t, value)| (t - from, *value)).unzip();
+    Series { time, value }
+}
+
+#[test]
+fn logs_that_are_shorter_than_the_usual_warm_up_are_compared_too() {
+    let truth = rig(&[(Kind::CommandDelay, &[0.03])]);
+    let log = logs(&truth, 1, 3).swap_remove(0);
+    let cut = |k: i32| {
+        let (from, to) = (0.6 * f64::from(k), 0.6 * f64::from(k + 1));
+        let mut short = log.clone();
+        let joint = &mut short.joints[0];
+        for series in [&mut joint.command, &mut joint.position, &mut joint.velocity] {
+            *series = part(series, from, to);
+        }
+        short
+    };
+    let short: Vec<Recording> = (0..6).map(cut).collect();
+    let [own, other] = [&truth, &rig(&[])].map(|robot| replay(robot, &short).expect("a replay"));
+    assert_eq!(own.trials.len(), 6);
+    // Noise of 0.5 mrad leaves the start 0.1 rad/s off, which the servo takes 50 ms to make good.
+    assert!(own.measure.overall() < 10.0 * record::NOISE, "{:?}", own.measure.rmse);
+    assert!(
+        other.measure.overall() > 3.0 * own.measure.overall(),
+        "{:?}",
+        other.measure.rmse
+    );
 }
 
 #[test]

@@ -266,7 +266,7 @@ impl<'a> Selector<'a> {
                 been.push(here);
                 let names = steps.now.fit.model.terms.iter().map(|term| term.kind.id());
                 log(&format!(
-                    "{:.6}: {}",
+                    "loss {:.1}: {}",
                     total(&steps.now.cross),
                     names.collect::<Vec<_>>().join(" + ")
                 ));
