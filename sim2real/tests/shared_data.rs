@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use omniwalk_env::robot::load;
 use omniwalk_sim2real::check::Check;
+use omniwalk_sim2real::identify::{Task, Verdict, replay, run};
 use omniwalk_sim2real::recording::{Map, Recording, read};
 
 /// What is in a folder of the measured logs; `None` without it, and says so.
@@ -104,4 +105,54 @@ fn the_check_finds_the_measured_logs_usable() {
         let check = Check::new(&logs, &poppy);
         assert!(check.usable(), "{check}");
     }
+}
+
+/// A folder of the repository's robots.
+fn robot_folder(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots").join(name)
+}
+
+#[test]
+fn nominal_models_follow_the_measured_logs_as_far_as_the_documentation_says() {
+    // Errors of nominal models on the logs that docs/measured/real-data says were fitted or held out lie between these, rad or m.
+    for (set, map, robot, least, most) in [
+        ("bam_xl330", "bam_xl330.toml", "xl330_rig", 0.1, 0.4),
+        ("bam_sts3250", "bam_sts3250.toml", "sts3250_rig", 0.02, 0.2),
+        ("emps", "emps.toml", "emps", 2e-5, 1e-4),
+    ] {
+        let Some(logs) = recordings(set, map) else {
+            return;
+        };
+        let robot = load(&robot_folder(robot)).unwrap();
+        let error = replay(&robot, &logs).unwrap().measure.overall();
+        assert!((least..most).contains(&error), "{set}: {error}");
+    }
+}
+
+#[test]
+fn a_measured_servo_is_identified_and_what_is_left_is_said() {
+    let Some(logs) = recordings("bam_sts3250", "bam_sts3250.toml") else {
+        return;
+    };
+    let folder = robot_folder("sts3250_rig");
+    let robot = load(&folder).unwrap();
+    let (heldout, logs): (Vec<Recording>, Vec<Recording>) = logs
+        .into_iter()
+        .partition(|log| log.groups["trajectory"] == "sin_time_square");
+    let out = tempfile::tempdir().unwrap();
+    let open = || Ok(heldout.clone());
+    let task = Task {
+        robot: &robot,
+        files: omniwalk_env::robot::files(&folder).unwrap(),
+        logs,
+        heldout: Some(&open),
+        compare: false,
+        out: out.path(),
+    };
+    let outcome = run(&task, &|_| {}).unwrap();
+    assert_eq!(outcome.verdict, Verdict::Unexplained);
+    let [nominal, refit, last] = [&outcome.nominal, &outcome.refit, &outcome.last].map(|sets| sets.fit.overall());
+    assert!(refit < 0.2 * nominal && last <= refit, "{nominal} {refit} {last}");
+    assert!(outcome.lacking[0].names.contains(&"temperature".to_owned()));
+    assert!(load(&out.path().join("robot")).is_ok());
 }
