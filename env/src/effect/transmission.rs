@@ -137,6 +137,17 @@ pub(super) struct Coupling {
     pub torque_max: f64,
 }
 
+/// `value` between `lower` and `upper`, as [`f64::clamp`], which panics where a world has broken and they are no numbers.
+fn within(value: f64, lower: f64, upper: f64) -> f64 {
+    if value < lower {
+        lower
+    } else if value > upper {
+        upper
+    } else {
+        value
+    }
+}
+
 /// A servo: `torque = clamp(stiffness (target - q) - damping dq + feed_forward)`.
 pub(super) struct Servo {
     pub target: f64,
@@ -219,7 +230,7 @@ impl Transmission {
         };
         let (alpha, beta) = answer(&motor);
         let torque = motor.at(alpha + beta * velocity, velocity);
-        let limited = torque.clamp(servo.torque_min, servo.torque_max);
+        let limited = within(torque, servo.torque_min, servo.torque_max);
         if limited != torque {
             motor = Motor {
                 torque: limited,

@@ -64,6 +64,30 @@ fn every_effect_changes_the_motion_and_stays_within_bounds_in_both_engines() {
 }
 
 #[test]
+fn a_world_that_breaks_stays_broken_and_panics_nowhere() {
+    let table = Table {
+        axes: vec![(Variable::Velocity, vec![-1.0, 0.0, 1.0])],
+        values: vec![0.1, 0.0, -0.1],
+        friction: true,
+    };
+    let mut robots = vec![with_table(table)];
+    let cases: &[(Kind, &[f64])] = &[
+        (Kind::CommandRateLimit, &[1.0]),
+        (Kind::CommandDeadBand, &[0.05]),
+        (Kind::StribeckFriction, &[0.2, 0.3, 1e-3]),
+        (Kind::LoadDependentFriction, &[0.3, 0.1, 0.2, 0.5]),
+        (Kind::Backlash, &[0.05, 0.0, 0.7]),
+        (Kind::Backlash, &[0.05, 1.0, 0.05]),
+        (Kind::Elasticity, &[0.05, 1.0, 0.7]),
+    ];
+    robots.extend(cases.iter().map(|case| rig(&[*case])));
+    for robot in robots {
+        let readings = lanes(&robot, 0.05, |t| if t < 0.02 { 0.1 } else { f64::NAN });
+        assert!(readings[readings.len() - 1].is_nan(), "{:?}", robot.effects);
+    }
+}
+
+#[test]
 fn a_delay_moves_the_whole_answer_in_time() {
     let nominal = lanes(&rig(&[]), 2.0, swing);
     for kind in [Kind::CommandDelay, Kind::SensorDelay] {

@@ -6,7 +6,7 @@ use omniwalk_env::robot::Limb;
 use super::floor::Floor;
 use super::information::Information;
 use super::leftover::Leftover;
-use super::model::Model;
+use super::model::{Model, Term, Tuned};
 use super::select::{Alike, Rejected};
 use super::separate::Separation;
 
@@ -114,6 +114,24 @@ pub fn lift(model: &mut Model, limb: &Limb) {
     for term in &mut model.terms {
         term.target = of_whole(limb, term.kind, term.target);
     }
+}
+
+/// What a `model` of the whole robot has of a limb, as a model of that.
+pub fn lowered(model: &Model, limb: &Limb) -> Model {
+    let place = |all: &[usize], one: usize| all.iter().position(|&other| other == one);
+    let mut out = Model::default();
+    for tuned in &model.tuned {
+        let dof = place(&limb.dofs, tuned.dof);
+        out.tuned.extend(dof.map(|dof| Tuned { dof, ..tuned.clone() }));
+    }
+    for term in &model.terms {
+        let target = match term.kind.info().site {
+            Site::Joint => place(&limb.dofs, term.target),
+            Site::Link => place(&limb.links, term.target),
+        };
+        out.terms.extend(target.map(|target| Term { target, ..term.clone() }));
+    }
+    out
 }
 
 fn of_whole(limb: &Limb, kind: Kind, target: usize) -> usize {

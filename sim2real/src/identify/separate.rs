@@ -7,12 +7,13 @@ use std::fmt;
 
 use nalgebra::DMatrix;
 use omniwalk_env::effect::{Kind, Site};
-use omniwalk_env::robot::{Base, Robot};
+use omniwalk_env::robot::{Base, Limb, Robot};
 use serde::Serialize;
 
 use super::causes::Cause;
 use super::fit::Data;
 use super::floor::Floor;
+use super::found;
 use super::model::{Model, Term, joint_of};
 use super::rehearsed::{Condition, rehearsed, weighed};
 use super::scales::Scales;
@@ -116,55 +117,65 @@ impl Logs<'_> {
         out
     }
 
-    /// The motion in which `a` and `b` part most; `None` where nothing that they differ by is on a joint that is commanded.
+    /// The motion in which `a` and `b` part most; `None` where nothing that they differ by is on a joint of one limb that is commanded.
     fn separation(&self, between: [String; 2], a: &Model, b: &Model) -> Option<Separation> {
-        let mut held = commanded(self.robot);
-        if held.base == Base::Floating {
-            held = held.on_a_stand();
+        let mut stand = commanded(self.robot);
+        if stand.base == Base::Floating {
+            stand = stand.on_a_stand();
         }
-        let joints = differing(&held, a, b);
-        let [a, b] = [a, b].map(|model| with_others_held(&held, model, &joints));
-        let ways = [Way::new(self, &a, &b), Way::new(self, &b, &a)];
-        let mut best: Option<Separation> = None;
-        for &dof in &joints {
-            let Some(place) = held.policy.iter().position(|&own| own == dof) else {
-                continue;
-            };
-            let mut weights = vec![0.0; held.dofs.len()];
-            weights[dof] = 1.0 / self.floor.of(dof).max(LOWEST);
-            for motion in Plan::alone(&held, place).motions {
-                for condition in Condition::ALL {
-                    let Ok(data) = rehearsed(&held, &motion, condition, weights.clone()) else {
-                        continue;
-                    };
-                    let finer = self.data.finer;
-                    let data = Data { finer, ..data };
-                    let apart = ways.iter().map(|way| way.apart(&data)).fold(f64::INFINITY, f64::min);
-                    if best.as_ref().is_none_or(|best| apart > best.apart) {
-                        best = Some(Separation {
-                            between: between.clone(),
-                            motion: format!("{}{}", motion.name, condition.how()),
-                            apart,
-                            tells: apart >= TOLD,
-                        });
-                    }
-                }
+        let joints = differing(&stand, a, b);
+        let limbs = stand.limbs();
+        let limb = limbs
+            .iter()
+            .find(|limb| joints.iter().all(|dof| limb.dofs.contains(dof)))?;
+        let [a, b] = [a, b].map(|model| with_others_held(&stand, model, &joints));
+        let ways = [Way::new(self, limb, &a, &b), Way::new(self, limb, &b, &a)];
+        let motions = joints.iter().flat_map(|&dof| self.motions(limb, dof));
+        let parted = motions.map(|(motion, data)| {
+            let apart = ways.iter().map(|way| way.apart(&data)).fold(f64::INFINITY, f64::min);
+            Separation {
+                between: between.clone(),
+                motion,
+                apart,
+                tells: apart >= TOLD,
+            }
+        });
+        parted.reduce(|best, next| if next.apart > best.apart { next } else { best })
+    }
+
+    /// The motions of degree of freedom `dof` as `limb` makes them on a stand, with how they are recorded.
+    fn motions(&self, limb: &Limb, dof: usize) -> Vec<(String, Data)> {
+        let Some(own) = limb.dofs.iter().position(|&own| own == dof) else {
+            return Vec::new();
+        };
+        let Some(place) = limb.robot.policy.iter().position(|&other| other == own) else {
+            return Vec::new();
+        };
+        let mut weights = vec![0.0; limb.dofs.len()];
+        weights[own] = 1.0 / self.floor.of(dof).max(LOWEST);
+        let finer = self.data.finer;
+        let mut out = Vec::new();
+        for motion in Plan::alone(&limb.robot, place).motions {
+            for condition in Condition::ALL {
+                let data = rehearsed(&limb.robot, &motion, condition, weights.clone());
+                let name = format!("{}{}", motion.name, condition.how());
+                out.extend(data.map(|data| (name, Data { finer, ..data })).ok());
             }
         }
-        best
+        out
     }
 }
 
 /// A model that tries to do what another does.
 struct Way {
-    /// The model, with each of its numbers moved, and last the other one.
+    /// The model, with each of its numbers moved, and last the other one, as a limb's.
     models: Vec<Model>,
     /// Products in the logs of what they do otherwise than the model.
     known: DMatrix<f64>,
 }
 
 impl Way {
-    fn new(logs: &Logs<'_>, model: &Model, other: &Model) -> Self {
+    fn new(logs: &Logs<'_>, limb: &Limb, model: &Model, other: &Model) -> Self {
         let mut models = vec![model.clone()];
         models.extend(screen::steps(model, logs.scales, |_| true));
         models.push(other.clone());
@@ -175,7 +186,7 @@ impl Way {
         };
         Self {
             known: data.products(&models),
-            models,
+            models: models.iter().map(|model| found::lowered(model, limb)).collect(),
         }
     }
 
