@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use miette::miette;
 use omniwalk_sim2real::excite::{Plan, commanded, write};
 
 use super::load;
@@ -34,6 +35,14 @@ pub fn run(args: &Args) -> miette::Result<()> {
             robot: robot.name.clone(),
         }
         .into());
+    }
+    // What another robot may do is not left beside it.
+    if args.out.join("motions.json").exists() {
+        return Err(miette!(
+            help = "give another folder with --out, or remove this one",
+            "{} holds motions already",
+            args.out.display()
+        ));
     }
     let mut plan = Plan::new(&robot);
     tell("simulating what the motions show of every effect");

@@ -157,6 +157,11 @@ fn motions_to_record_say_what_they_show_and_what_they_do_not() {
     let line =
         "not told: command_delay from sensor_delay; the same with the motors off for its last third does (hinge)";
     assert!(told.out.contains(line), "{}", told.out);
+    let again = omniwalk(
+        folder.path(),
+        &["excite", "--robot", pendulum.to_str().unwrap(), "--out", "motions"],
+    );
+    assert!(again.code == 2 && again.message().contains("holds motions already"));
     let motions: Value =
         serde_json::from_slice(&fs::read(folder.path().join("motions/motions.json")).unwrap()).unwrap();
     let shows = |motion: &str, effect: &str| {

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
-use omniwalk_env::effect::Site;
 use omniwalk_env::robot::Robot;
 use serde::Serialize;
 
@@ -20,6 +19,9 @@ use crate::excite::Motion;
 const CYCLES: f64 = 4.0;
 /// An effect is not shown apart from others, or from re-tuning, where they do all but this share of the square of what it does.
 const OWN: f64 = 1e-3;
+
+/// Size of an effect that is fitted from nothing, in units of what is typical.
+const LEAST: f64 = 0.1;
 
 /// Two effects that the motions do not show apart.
 #[derive(Clone, Debug, Serialize)]
@@ -116,13 +118,9 @@ impl<'a> Joint<'a> {
         models.extend(screen::steps(&nominal, &scales, |_| true));
         let mut names: Vec<String> = Vec::new();
         for candidate in candidates::all(robot, &data, &nominal, &scales, &ripples) {
-            let (site, target) = (candidate.kind.info().site, candidate.target);
-            let name = match site {
-                Site::Joint => candidate.kind.id().to_owned(),
-                Site::Link => format!("{} of {}", candidate.kind.id(), robot.links[target].name),
-            };
-            // Variants of an effect show in the same motions.
-            if joint_of(robot, site, target) != Some(dof) || names.contains(&name) {
+            let name = candidate.kind.id().to_owned();
+            // Variants of an effect show in the same motions, and so do links that move together.
+            if joint_of(robot, candidate.kind.info().site, candidate.target) != Some(dof) || names.contains(&name) {
                 continue;
             }
             let mut model = nominal.clone();
@@ -175,7 +173,7 @@ fn typical(term: &Term, scales: &Scales) -> Term {
     for &i in &term.free {
         let parameter = &info.parameters[i];
         if parameter.neutral == Some(term.values[i]) {
-            let largest = parameter.starts.iter().fold(0.0_f64, |a, s| a.max(s.abs()));
+            let largest = parameter.starts.iter().fold(LEAST, |a, s| a.max(s.abs()));
             term.values[i] += largest * scales.of(parameter.scale, info.site, term.target);
         }
     }
