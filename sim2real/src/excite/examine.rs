@@ -3,7 +3,7 @@
 use omniwalk_env::robot::{Limb, Robot};
 use rayon::prelude::*;
 
-use super::{Motion, Plan};
+use super::{Motion, Plan, held};
 use crate::identify::{TrialError, shown};
 
 impl Plan {
@@ -12,7 +12,7 @@ impl Plan {
     /// # Errors
     /// [`TrialError`] when the robot has nothing to command.
     pub fn examine(&mut self, robot: &Robot) -> Result<(), TrialError> {
-        let held = robot.on_a_stand();
+        let held = held(robot);
         let limbs = held.limbs();
         let joints = (0..robot.policy.len()).into_par_iter();
         let of_joint = |joint: usize| {

@@ -12,7 +12,7 @@ mod write;
 
 use std::collections::BTreeMap;
 
-use omniwalk_env::robot::Robot;
+use omniwalk_env::robot::{Base, Robot};
 use serde::Serialize;
 
 use crate::identify::Confused;
@@ -83,6 +83,14 @@ pub fn commanded(robot: &Robot) -> Robot {
         robot.policy = (0..robot.dofs.len()).filter(actuated).collect();
     }
     robot
+}
+
+/// `robot` as it is excited: on a stand, if its base is not held anyway.
+pub fn held(robot: &Robot) -> Robot {
+    match robot.base {
+        Base::Floating => robot.on_a_stand(),
+        Base::Fixed => robot.clone(),
+    }
 }
 
 impl Plan {

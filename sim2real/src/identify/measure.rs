@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::starts;
-use super::trial::{Trial, TrialError};
+use super::trial::Trial;
 
 /// Errors of positions: by joint, and over all joints of one unit under `overall`.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -35,17 +35,7 @@ impl Measure {
     }
 }
 
-/// Simulates `robot` (as it was in each log) through `trials` at `finer` physics steps a millisecond, and compares.
-///
-/// # Errors
-/// A log that overrides what the robot does not have, or an engine that does not take the robot.
-pub fn measure(robot: &Robot, trials: &[Trial], finer: usize) -> Result<Measure, super::IdentifyError> {
-    let robots = trials.iter().map(|trial| Ok((trial.robot(robot)?, trial)));
-    let robots: Vec<(Robot, &Trial)> = robots.collect::<Result<_, TrialError>>()?;
-    Ok(measure_each(robot, &robots, finer)?)
-}
-
-/// The same with the robot of each log at hand.
+/// Simulates each robot, `robot` as it was in a log or with a model, through its trial at `finer` physics steps a millisecond, and compares.
 pub(super) fn measure_each(robot: &Robot, trials: &[(Robot, &Trial)], finer: usize) -> Result<Measure, EngineError> {
     let predictions: Result<Vec<Vec<f64>>, EngineError> = trials
         .par_iter()

@@ -55,7 +55,7 @@ mod write;
 
 pub use information::Information;
 pub use lacking::{Lacking, Predicted};
-pub use measure::{Errors, Measure, measure};
+pub use measure::{Errors, Measure};
 pub use report::{Accepted, Alternative, Outcome, Parameter, Rejected, Sets, Verdict};
 pub use scales::{JointScale, Scales};
 pub use separate::Separation;

@@ -119,27 +119,28 @@ fn follow(robot: &Robot, trial: &Trial, finer: usize) -> Result<Found, EngineErr
         orientation,
         turning,
     } = &*trial.motion;
-    let (mut encoders, mut next) = (vec![0.0; dofs], [0; 3]);
-    rollout.read(&mut encoders);
+    let (mut before, mut now, mut next) = (vec![0.0; dofs], vec![0.0; dofs], [0; 3]);
+    rollout.read(&mut now);
     for step in 0..trial.steps {
-        let before = (encoders.clone(), rollout.parts().0.base(0));
+        std::mem::swap(&mut before, &mut now);
+        let from = rollout.parts().0.base(0);
         rollout.command(step);
         for _ in 0..finer {
             rollout.advance();
         }
-        rollout.read(&mut encoders);
+        rollout.read(&mut now);
         let base = rollout.parts().0.base(0);
         let end = (step + 1) as f64;
         // What an encoder tells of the velocity: as late and as scaled as its positions are.
         for &(_, (d, measured)) in taken(velocity, &mut next[0], end) {
-            found.velocity.add(d, (encoders[d] - before.0[d]) / DT - measured);
+            found.velocity.add(d, (now[d] - before[d]) / DT - measured);
         }
         for &(at, measured) in taken(orientation, &mut next[1], end) {
-            let there = before.1.orientation.slerp(&base.orientation, share(at, step));
+            let there = from.orientation.slerp(&base.orientation, share(at, step));
             found.orientation.add(0, there.angle_to(&measured));
         }
         for &(at, measured) in taken(turning, &mut next[2], end) {
-            let there = before.1.angular_velocity.lerp(&base.angular_velocity, share(at, step));
+            let there = from.angular_velocity.lerp(&base.angular_velocity, share(at, step));
             let own = base.orientation.inverse_transform_vector(&there);
             found.turning.add(0, (own - measured).norm());
         }

@@ -152,7 +152,7 @@ fn by_joint(parts: &Parts<'_>, refit: &Sets, last: &Sets) -> BTreeMap<String, Jo
 /// How far `model` of `robot` is from `trials` in every quantity that was measured.
 ///
 /// # Errors
-/// As [`measure`](super::measure).
+/// When a log overrides what the robot does not have, or an engine does not take the robot.
 pub fn measured(robot: &Robot, model: &Model, trials: &[Trial], finer: usize) -> Result<Measure, IdentifyError> {
     let robots = robots(robot, model, trials)?;
     let mut measure = measure_each(robot, &robots, finer)?;

@@ -7,7 +7,7 @@ use std::fmt;
 
 use nalgebra::DMatrix;
 use omniwalk_env::effect::{Kind, Site};
-use omniwalk_env::robot::{Base, Limb, Robot};
+use omniwalk_env::robot::{Limb, Robot};
 use serde::Serialize;
 
 use super::causes::Cause;
@@ -19,7 +19,7 @@ use super::rehearsed::{Condition, rehearsed, weighed};
 use super::scales::Scales;
 use super::screen;
 use super::select::Selection;
-use crate::excite::{Plan, commanded};
+use crate::excite::{Plan, commanded, held};
 
 /// Models are told apart where they part by this share of the floor or more: by a fifth of the loss there.
 const TOLD: f64 = 0.5;
@@ -119,10 +119,7 @@ impl Logs<'_> {
 
     /// The motion in which `a` and `b` part most; `None` where nothing that they differ by is on a joint of one limb that is commanded.
     fn separation(&self, between: [String; 2], a: &Model, b: &Model) -> Option<Separation> {
-        let mut stand = commanded(self.robot);
-        if stand.base == Base::Floating {
-            stand = stand.on_a_stand();
-        }
+        let stand = held(&commanded(self.robot));
         let joints = differing(&stand, a, b);
         let limbs = stand.limbs();
         let limb = limbs

@@ -60,7 +60,7 @@ pub fn shown(robot: &Robot, dof: usize, motions: &[Motion]) -> Result<Shown, Tri
             .collect()
     };
     let together = |parts: &[(DMatrix<f64>, f64)]| parts.iter().map(|(products, _)| products).sum::<DMatrix<f64>>();
-    let mut sum = together(&plain);
+    let sum = together(&plain);
     let mut confused: Vec<(Vec<usize>, Option<&'static str>)> = Vec::new();
     confused.extend(joint.confused(&sum).into_iter().map(|set| (set, None)));
     for condition in Condition::ALL.into_iter().skip(1) {
@@ -68,12 +68,10 @@ pub fn shown(robot: &Robot, dof: usize, motions: &[Motion]) -> Result<Shown, Tri
             break;
         }
         let more = joint.products(motions, condition)?;
-        let before = std::mem::replace(&mut sum, &together(&plain) + together(&more));
-        let still = joint.confused(&sum);
+        let still = joint.confused(&(&sum + together(&more)));
         for (set, told) in confused.iter_mut().filter(|(_, told)| told.is_none()) {
             *told = (!still.contains(set)).then(|| condition.how().trim());
         }
-        sum = before;
     }
     Ok(Shown {
         motions: plain.iter().map(of_motion).collect(),
