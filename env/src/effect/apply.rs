@@ -67,8 +67,8 @@ pub fn engine_passive(robot: &Robot) -> Vec<Passive> {
     passive
 }
 
-/// The position (rad or m) of degree of freedom `d` at which its encoder says `reading`.
-pub fn true_position(robot: &Robot, d: usize, reading: f64) -> f64 {
+/// What tells from a reading of the encoder of degree of freedom `d` the position (rad or m) at which it says that.
+pub fn decoder(robot: &Robot, d: usize) -> impl Fn(f64) -> f64 + use<> {
     let mut sensor = Sensor::default();
     for effect in robot.effects.iter().filter(|effect| effect.target == d) {
         match effect.kind {
@@ -77,5 +77,5 @@ pub fn true_position(robot: &Robot, d: usize, reading: f64) -> f64 {
             _ => {}
         }
     }
-    sensor.position(reading)
+    move |reading| sensor.position(reading)
 }

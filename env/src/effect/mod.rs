@@ -29,7 +29,7 @@ mod sensor;
 mod table;
 mod transmission;
 
-pub use apply::{ROTORS_HZ, apply, engine_passive, sprung, true_position};
+pub use apply::{ROTORS_HZ, apply, decoder, engine_passive, sprung};
 pub use catalogue::{Bounds, Info, Kind, Parameter, Place, Scale, Site};
 pub(crate) use joint::{JointDrive, Memory, Model, Told};
 pub use table::{Table, Variable};

@@ -26,6 +26,23 @@ impl Candidate {
     pub fn key(&self) -> (Kind, usize, usize) {
         (self.kind, self.target, self.variant)
     }
+
+    /// The degree of freedom it is at.
+    fn joint(&self, robot: &Robot) -> Option<usize> {
+        joint_of(robot, self.kind.info().site, self.target)
+    }
+
+    /// The way to the fit of `model` with it, from the values of `model`, begun.
+    fn way(&self, robot: &Robot, data: &Data, model: &Model, scales: &Scales) -> Descent {
+        let with = |term: &Term| {
+            let mut model = model.clone();
+            model.put(term.clone());
+            model.hold_others(robot, self.joint(robot));
+            model
+        };
+        let starts = self.starts.iter().map(with).collect();
+        Descent::begun(data, &promising(data, starts, scales), scales)
+    }
 }
 
 /// Frequencies (cycles per rad or m) that a ripple's fit starts from, by degree of freedom.
@@ -177,7 +194,6 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
             let terms = |encoder: f64| at(encoder).map(|values| term(values, vec![0])).collect();
             vec![terms(0.0), terms(1.0)]
         }
-        Kind::DirectionalFriction => vec![vec![term(vec![0.0, 0.0], vec![0])]],
         Kind::StribeckFriction => {
             let each = |torque: f64| start(1).into_iter().map(move |v| vec![torque, v, 0.0]);
             vec![
@@ -217,30 +233,25 @@ const FOLLOWED: usize = 3;
 /// The way to a candidate's fit.
 pub struct Attempt {
     /// From the re-tuned values, and from the nominal ones: those bent to make up for what is missing, and from there the way is often
-    /// uphill.
-    ways: [Descent; 2],
+    /// uphill. Or from those beside another effect.
+    ways: Vec<Descent>,
 }
 
 impl Attempt {
     /// Begins to fit `model` with the candidate beside it. What is on other joints is held: it is fitted again when the candidate is
     /// taken.
     pub fn begin(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Self {
-        let joint = joint_of(robot, candidate.kind.info().site, candidate.target);
-        let with = |term: &Term, straight: bool| {
-            let mut model = model.clone();
-            model.put(term.clone());
-            model.hold_others(robot, joint);
-            if straight {
-                model.straighten();
-            }
-            model
-        };
-        let way = |straight: bool| {
-            let starts = candidate.starts.iter().map(|term| with(term, straight)).collect();
-            Descent::begun(data, &promising(data, starts, scales), scales)
-        };
+        let mut straight = model.clone();
+        straight.hold_others(robot, candidate.joint(robot));
+        straight.straighten();
+        let ways = [model, &straight].map(|from| candidate.way(robot, data, from, scales));
+        Self { ways: ways.into() }
+    }
+
+    /// The same from `model` as it is alone, which was re-tuned beside an effect in whose place the candidate is tried.
+    pub fn in_place(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Self {
         Self {
-            ways: [false, true].map(way),
+            ways: vec![candidate.way(robot, data, model, scales)],
         }
     }
 
@@ -259,13 +270,10 @@ impl Attempt {
 
     /// The better fit.
     pub fn fit(self) -> Fit {
-        let [tuned, straight] = self.ways;
-        let better = if straight.loss() < tuned.loss() {
-            straight
-        } else {
-            tuned
-        };
-        better.fit
+        let mut ways = self.ways.into_iter();
+        let first = ways.next().expect("an attempt has a way");
+        ways.fold(first, |best, way| if way.loss() < best.loss() { way } else { best })
+            .fit
     }
 }
 

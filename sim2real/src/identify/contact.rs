@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::fit::Data;
 use super::model::Model;
+use super::own::Logged;
 use super::rollout::{self, GROUND, Rollout, level};
 use super::starts;
 use super::trial::{DT, Trial};
@@ -81,7 +82,7 @@ pub fn elsewhere(data: &Data, model: &Model) -> Data {
         .par_iter_mut()
         .zip(&*data.robots)
         .for_each(|(trial, robot)| {
-            let robot = model.robot(robot);
+            let robot = robot.with(model);
             let own = starts::perfect(trial, &robot, 1).and_then(|own| Ok((own, slippery(trial, &robot)?)));
             // An engine that took the nominal robot takes all of them.
             if let Ok((own, change)) = own {
@@ -114,12 +115,21 @@ fn change(
         .collect())
 }
 
+/// Each of `trials` with its robot, the nominal one.
+fn at<'a>(trials: &'a [Trial], robots: &[Logged]) -> Vec<(&'a Trial, Robot)> {
+    let nominal = Model::default();
+    trials
+        .iter()
+        .zip(robots.iter().map(|robot| robot.with(&nominal)))
+        .collect()
+}
+
 /// Leaves those of `trials`, which `robots` are at, whose starts are fitted and about which the engines agree.
 ///
 /// # Errors
 /// When an engine does not take a robot.
-pub fn keep_agreed(trials: &mut Vec<Trial>, robots: &[Robot]) -> Result<(), EngineError> {
-    let own: Vec<(&Trial, &Robot)> = trials.iter().zip(robots).collect();
+pub fn keep_agreed(trials: &mut Vec<Trial>, robots: &[Logged]) -> Result<(), EngineError> {
+    let own: Vec<(&Trial, Robot)> = at(trials, robots);
     let agreed = own.par_iter().map(|(trial, robot)| is_agreed(trial, robot));
     let agreed = agreed.collect::<Result<Vec<bool>, EngineError>>()?;
     let mut agreed = agreed.into_iter();
@@ -132,8 +142,8 @@ pub fn keep_agreed(trials: &mut Vec<Trial>, robots: &[Robot]) -> Result<(), Engi
 ///
 /// # Errors
 /// When an engine does not take a robot.
-pub fn keep_usual(trials: &mut Vec<Trial>, robots: &[Robot]) -> Result<(), EngineError> {
-    let own: Vec<(&Trial, &Robot)> = trials.iter().zip(robots).collect();
+pub fn keep_usual(trials: &mut Vec<Trial>, robots: &[Logged]) -> Result<(), EngineError> {
+    let own: Vec<(&Trial, Robot)> = at(trials, robots);
     let errors = own.par_iter().map(|(trial, robot)| error(trial, robot));
     let errors = errors.collect::<Result<Vec<Option<f64>>, EngineError>>()?;
     let mut sorted: Vec<f64> = errors.iter().filter_map(|error| *error).collect();
@@ -178,10 +188,10 @@ fn is_agreed(trial: &Trial, robot: &Robot) -> Result<bool, EngineError> {
 /// # Errors
 /// When an engine does not take the robot.
 pub fn floor(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
-    let own: Vec<(&Trial, &Robot)> = data.trials.iter().zip(&*data.robots).collect();
+    let own: Vec<(&Trial, &Logged)> = data.trials.iter().zip(&*data.robots).collect();
     let changes = own
         .par_iter()
-        .map(|(trial, robot)| differences(trial, &model.robot(robot)));
+        .map(|(trial, robot)| differences(trial, &robot.with(model)));
     let changes = changes.collect::<Result<Vec<Vec<f64>>, EngineError>>()?;
     let (mut squares, mut count) = (vec![0.0; data.weights.len()], vec![0.0_f64; data.weights.len()]);
     for (trial, changes) in data.trials.iter().zip(&changes) {

@@ -1,8 +1,9 @@
 //! Levenberg-Marquardt over whole rollouts ([`Data`]), which may be stopped and gone on with.
 
 use nalgebra::{DMatrix, DVector};
+use omniwalk_env::random::Stream;
 
-use super::fit::{Data, Fit, Loss, Slope, total};
+use super::fit::{Data, Fit, LANES, Loss, Slope, total};
 use super::model::{Free, Model};
 use super::scales::Scales;
 
@@ -18,6 +19,12 @@ const NEAR: f64 = 2e-3;
 const STRONGEST: f64 = 1e8;
 /// Strengths of damping that are tried side by side, which costs no more than one.
 const STRENGTHS: i32 = 8;
+/// Spreads of new starts about the end of a fit, as shares of each number.
+const SHAKEN: [f64; 2] = [0.03, 0.1];
+/// Times that new starts are tried.
+const SHAKES: usize = 2;
+/// Share of the loss below which another minimum is the same.
+const SAME: f64 = 5e-3;
 
 /// A fit on its way.
 #[derive(Clone)]
@@ -114,6 +121,44 @@ impl Data {
         descent.advance((self, scales), used, ITERATIONS, CONVERGED);
         descent.fit
     }
+
+    /// The best of fits from `models` and from starts about where that ends. Little decides where a joint sticks after a step: a log in which
+    /// it sticks in another place than it did makes a minimum of its own, from which no slope leads out.
+    /// Stretches of robots that walk are too short for that, and their fits too dear.
+    pub fn fit_shaken(&self, models: &[Model], scales: &Scales) -> Fit {
+        let fits = models.iter().map(|model| self.fit(model, scales, &|_| true));
+        let mut best = fits
+            .min_by(|a, b| total(&a.losses).total_cmp(&total(&b.losses)))
+            .unwrap_or_else(|| self.fit(&Model::default(), scales, &|_| true));
+        let shakes = if self.is_free() { 0 } else { SHAKES };
+        for shake in 0..shakes {
+            let begun = SHAKEN.iter().enumerate().map(|(k, &spread)| {
+                let about = about(&best.model, scales, spread, (SHAKEN.len() * shake + k) as u64);
+                let losses = self.losses(&about);
+                let order = (0..about.len()).min_by(|&a, &b| total(&losses[a]).total_cmp(&total(&losses[b])));
+                Descent::begun(self, &about[order.unwrap_or(0)], scales)
+            });
+            let other = begun.min_by(|a, b| a.loss().total_cmp(&b.loss()));
+            let Some(mut other) = other.filter(|other| other.loss() < (1.0 - SAME) * total(&best.losses)) else {
+                break;
+            };
+            other.advance((self, scales), &|_| true, ITERATIONS, CONVERGED);
+            best = other.fit;
+        }
+        best
+    }
+}
+
+/// As many models about `model` as one rollout takes, each number off by `spread` of itself or so; the same for the same `seed`.
+fn about(model: &Model, scales: &Scales, spread: f64, seed: u64) -> Vec<Model> {
+    let mut random = Stream::new(seed, 0, 0);
+    let (x, free) = (model.get(scales), model.free(scales));
+    let mut near = || {
+        let moved = x.iter().zip(&free);
+        let moved = moved.map(|(x, free)| (x * (1.0 + random.normal(spread))).clamp(free.lower, free.upper));
+        model.at(&moved.collect::<Vec<_>>(), scales)
+    };
+    (0..LANES).map(|_| near()).collect()
 }
 
 /// Gradient and curvature over the blocks that `used` names.

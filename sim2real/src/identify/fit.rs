@@ -5,12 +5,13 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixView, DVector};
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::Robot;
 use rayon::prelude::*;
 
 use super::model::{Free, Model};
+use super::own::Logged;
 use super::scales::Scales;
 use super::starts;
 use super::trial::{Reading, Trial};
@@ -23,8 +24,8 @@ pub const LANES: usize = 16;
 pub struct Data {
     /// Pieces of logs.
     pub trials: Arc<Vec<Trial>>,
-    /// The nominal robot with the overrides of each trial's log.
-    pub robots: Arc<Vec<Robot>>,
+    /// The nominal robot as it was in each trial's log.
+    pub robots: Arc<Vec<Logged>>,
     /// One a degree of freedom: residuals are multiplied with it.
     pub weights: Vec<f64>,
     /// Median over the blocks of the weighted mean square residual of each degree of freedom under the re-tuned model.
@@ -87,6 +88,33 @@ pub struct Slope {
     pub curvature: DMatrix<f64>,
 }
 
+/// Rows of slopes whose products are not in the curvature yet: many at a time are a matrix product.
+#[derive(Default)]
+struct Rows {
+    /// A column a row, one after the other.
+    columns: Vec<f64>,
+}
+
+impl Rows {
+    /// Rows of one product.
+    const MANY: usize = 64;
+
+    fn add(&mut self, row: &DVector<f64>, curvature: &mut DMatrix<f64>) {
+        self.columns.extend_from_slice(row.as_slice());
+        if self.columns.len() >= Self::MANY * row.len() {
+            self.flush(curvature);
+        }
+    }
+
+    /// Adds the products to `curvature`.
+    fn flush(&mut self, curvature: &mut DMatrix<f64>) {
+        let n = curvature.nrows();
+        let columns = DMatrixView::from_slice(&self.columns, n, self.columns.len() / n.max(1));
+        curvature.gemm(1.0, &columns, &columns.transpose(), 1.0);
+        self.columns.clear();
+    }
+}
+
 /// A fitted model.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -145,7 +173,7 @@ impl Data {
             return Ok(());
         }
         let noise = starts::noise(&self.trials, self.weights.len());
-        let robots: Vec<Robot> = self.robots.iter().map(|robot| model.robot(robot)).collect();
+        let robots: Vec<Robot> = self.robots.iter().map(|robot| robot.with(model)).collect();
         let trials: &mut Vec<Trial> = Arc::make_mut(&mut self.trials);
         starts::fit(trials, &robots, &noise, self.finer)
     }
@@ -168,7 +196,7 @@ impl Data {
 
     /// Predictions of up to [`LANES`] `models` for trial `t`: entry `reading * models + m`.
     fn predict_trial(&self, t: usize, models: &[Model]) -> Vec<f64> {
-        let robots: Vec<Robot> = models.iter().map(|model| model.robot(&self.robots[t])).collect();
+        let robots: Vec<Robot> = models.iter().map(|model| self.robots[t].with(model)).collect();
         // An engine that takes the nominal robot takes all of them.
         starts::predict(&self.trials[t], &robots, self.finer)
             .unwrap_or_else(|_| vec![f64::NAN; self.trials[t].readings.len() * models.len()])
@@ -316,6 +344,7 @@ impl Data {
             curvature: DMatrix::zeros(n, n),
         };
         let mut slopes = vec![zero; parts.0];
+        let mut rows: Vec<Rows> = (0..parts.0).map(|_| Rows::default()).collect();
         let mut row = DVector::zeros(n);
         for (t, trial) in self.trials.iter().enumerate() {
             let readings = trial.readings.len();
@@ -335,8 +364,11 @@ impl Data {
                 losses[part].squares += residual * residual;
                 losses[part].count += 1.0;
                 slopes[part].gradient.axpy(residual, &row, 1.0);
-                slopes[part].curvature.ger(1.0, &row, &row, 1.0);
+                rows[part].add(&row, &mut slopes[part].curvature);
             }
+        }
+        for (rows, slope) in rows.iter_mut().zip(&mut slopes) {
+            rows.flush(&mut slope.curvature);
         }
         (losses, slopes)
     }
@@ -348,7 +380,7 @@ impl Data {
             .par_iter_mut()
             .zip(&*self.robots)
             .for_each(|(trial, robot)| {
-                let half = starts::perfect(trial, &model.robot(robot), 2 * self.finer);
+                let half = starts::perfect(trial, &robot.with(model), 2 * self.finer);
                 let half = half.unwrap_or_else(|_| vec![f64::NAN; trial.readings.len()]);
                 for (reading, position) in trial.readings.iter_mut().zip(half) {
                     reading.position = position;

@@ -133,7 +133,7 @@ fn deflection(data: &Data, model: &Model, d: usize, moments: &[Moment]) -> f64 {
     let (mut squares, mut count) = (0.0, 0.0_f64);
     let stiffness = |log: usize| {
         let t = data.trials.iter().position(|trial| trial.log == log)?;
-        let actuator = model.robot(&data.robots[t]).dof(d).actuator?;
+        let actuator = data.robots[t].with(model).dof(d).actuator?;
         (!data.trials[t].told[d].effort && actuator.stiffness() > 0.0).then(|| actuator.stiffness())
     };
     let logs = 1 + data.trials.iter().map(|trial| trial.log).max().unwrap_or(0);

@@ -83,6 +83,8 @@ pub struct Left {
     pub depends_on: Vec<Dependence>,
     /// Whether it is structure: more than noise, and predicted or far more.
     pub structured: bool,
+    /// Squared error beyond what noise leaves, in units of that: what joints are compared by.
+    pub above_floor: f64,
     losses: Losses,
 }
 
@@ -235,6 +237,8 @@ pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -
         model.terms.iter().any(|term| on(term) == Some(dof))
     };
     let open = open(data, selection, floor);
+    let above = squares(data, model).into_iter().zip(floor.squares(data));
+    let above: Vec<f64> = above.map(|(left, floor)| ((left - floor) / floor).max(0.0)).collect();
     let mut with = model.clone();
     let mut joints = Vec::new();
     for (dof, moments) in torque::lacking(data, model, selector.scales)?.into_iter().enumerate() {
@@ -254,6 +258,7 @@ pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -
         joints.push(Left {
             dof,
             structured,
+            above_floor: above[dof],
             losses: own,
             depends_on,
             names: torque::names(&data.trials[0], dof),

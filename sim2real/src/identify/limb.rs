@@ -216,13 +216,14 @@ impl Way<'_> {
         };
         let [as_told, lower] = [from(1.0), from(LOWER_LIMIT)];
         let better = total(&lower.losses) < (1.0 - LESSER) * total(&as_told.losses);
-        if better { lower.model } else { as_told.model }
+        let start = if better { lower.model } else { as_told.model };
+        data.fit_shaken(&[start], self.scales).model
     }
 
     /// The same at a finer physics step.
     fn fine(&self, data: &mut Data, start: Start<'_>) -> Result<Choice, EngineError> {
         data.finer = FINER;
-        let tuned = &data.fit(start.tuned, self.scales, &|_| true).model;
+        let tuned = &data.fit_shaken(std::slice::from_ref(start.tuned), self.scales).model;
         self.steps(data, Start { tuned, ..start })
     }
 

@@ -195,7 +195,6 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     let parts = outcome::Parts {
         robot,
         corrected: &corrected,
-        scales: &Scales::new(robot, &split.fit),
         found: &found,
         fitted: &fitted,
         split: &split,

@@ -215,7 +215,7 @@ impl Model {
         model
     }
 
-    /// `robot` (as it was in a log) with this model's parameters and effects.
+    /// `robot` with this model's parameters and effects.
     pub fn robot(&self, robot: &Robot) -> Robot {
         let mut robot = robot.clone();
         for tuned in &self.tuned {

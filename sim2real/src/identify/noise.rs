@@ -114,7 +114,7 @@ pub fn discretisation(data: &Data, model: &Model) -> Result<Vec<f64>, EngineErro
     let dofs = data.weights.len();
     let (mut squares, mut count) = (vec![0.0; dofs], vec![0.0_f64; dofs]);
     for (trial, robot) in data.trials.iter().zip(&*data.robots) {
-        let robot = [model.robot(robot)];
+        let robot = [robot.with(model)];
         let (coarse, fine) = (
             predict(trial, &robot, data.finer)?,
             predict(trial, &robot, 2 * data.finer)?,

@@ -14,7 +14,6 @@ use super::motion;
 use super::report::{
     Accepted, Alternative, JointGap, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained, Verdict,
 };
-use super::scales::Scales;
 use super::split::Split;
 use super::trial::{Trial, TrialError};
 use crate::check::Check;
@@ -25,8 +24,6 @@ pub struct Parts<'a> {
     pub robot: &'a Robot,
     /// The robot that was written.
     pub corrected: &'a Robot,
-    /// Typical values.
-    pub scales: &'a Scales,
     /// What was found.
     pub found: &'a Found,
     /// Pieces of logs that were fitted.
@@ -162,7 +159,7 @@ pub fn measured(robot: &Robot, model: &Model, trials: &[Trial], finer: usize) ->
 
 /// `model` of `robot` as it was in each of `trials`.
 fn robots<'a>(robot: &Robot, model: &Model, trials: &'a [Trial]) -> Result<Vec<(Robot, &'a Trial)>, TrialError> {
-    let own = |trial: &'a Trial| Ok((model.robot(&trial.robot(robot)?), trial));
+    let own = |trial: &'a Trial| Ok((trial.robot(robot)?.with(model), trial));
     trials.iter().map(own).collect()
 }
 
@@ -288,8 +285,6 @@ fn unexplained(parts: &Parts<'_>) -> Unexplained {
     let (robot, left) = (parts.robot, &parts.found.left);
     let mut named: Vec<(f64, String)> = Vec::new();
     for own in left.structured() {
-        let power = own.moments.iter().map(|m| m.torque * m.torque).sum::<f64>() / own.moments.len().max(1) as f64;
-        let share = power.sqrt() / parts.scales.joints[own.dof].torque;
         for dependence in &own.depends_on {
             let variable = &own.names[dependence.variable];
             let name = if robot.dofs.len() == 1 {
@@ -297,7 +292,7 @@ fn unexplained(parts: &Parts<'_>) -> Unexplained {
             } else {
                 format!("{} of {}", variable, robot.dof(own.dof).name)
             };
-            named.push((share * dependence.gain, name));
+            named.push((own.above_floor * dependence.gain, name));
         }
     }
     named.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -1,8 +1,11 @@
 //! The parameters that a nominal model has: which there are, and how logs override them.
 
+use std::collections::BTreeMap;
+
 use omniwalk_env::effect::{self, Effect, Kind, Scale};
 use omniwalk_env::robot::{Joint, Robot};
 
+use super::model::Model;
 pub(super) use crate::recording::overrides::PAYLOAD;
 use crate::recording::overrides::{self, SUPPLY};
 
@@ -101,19 +104,50 @@ pub enum Refused {
     Value(String),
 }
 
-/// Sets the parameter `key` of `robot`. What changes nothing is taken as it is: a joint without stiffness may be told to have none.
+/// A robot as it was in a log.
+#[derive(Clone, Debug)]
+pub struct Logged {
+    robot: Robot,
+    /// Mass on the last link, kg.
+    carried: f64,
+}
+
+impl Logged {
+    /// `robot` with the `overrides` of a log.
+    ///
+    /// # Errors
+    /// The key and value that are [`Refused`].
+    pub fn new(robot: &Robot, overrides: &BTreeMap<String, f64>) -> Result<Self, (String, f64, Refused)> {
+        let mut robot = robot.clone();
+        for (key, &value) in overrides {
+            override_value(&mut robot, key, value).map_err(|refused| (key.clone(), value, refused))?;
+        }
+        let carried = overrides.get(PAYLOAD).copied().unwrap_or(0.0);
+        Ok(Self { robot, carried })
+    }
+
+    /// With the parameters and effects of `model`. What it carried comes on top of what its links weigh by them.
+    pub fn with(&self, model: &Model) -> Robot {
+        let mut robot = model.robot(&self.robot);
+        if self.carried > 0.0 {
+            let link = robot.links.len() - 1;
+            let com = robot.links[link].inertial.com;
+            let payload = Effect::new(Kind::Payload, link, &[self.carried, com.x, com.y, com.z]);
+            effect::apply(&mut robot, &payload);
+        }
+        robot
+    }
+}
+
+/// Sets the parameter `key` of `robot`. What changes nothing is taken as it is: a joint without stiffness may be told to have none; a payload
+/// is only looked at.
 ///
 /// # Errors
 /// [`Refused`] when there is no such parameter, or it cannot have this value.
-pub fn override_value(robot: &mut Robot, key: &str, value: f64) -> Result<(), Refused> {
+fn override_value(robot: &mut Robot, key: &str, value: f64) -> Result<(), Refused> {
     let wrong = overrides::right_instead(key, value);
     if key == PAYLOAD {
-        wrong.map_or(Ok(()), |right| Err(Refused::Value(right)))?;
-        let link = robot.links.len() - 1;
-        let com = robot.links[link].inertial.com;
-        let payload = Effect::new(Kind::Payload, link, &[value, com.x, com.y, com.z]);
-        effect::apply(robot, &payload);
-        return Ok(());
+        return wrong.map_or(Ok(()), |right| Err(Refused::Value(right)));
     }
     let (joint, name) = overrides::parts(key);
     let mut any = Err(Refused::Unknown);
@@ -151,6 +185,7 @@ fn place<'r>(robot: &'r mut Robot, d: usize, name: &str) -> Option<&'r mut f64> 
 
 #[cfg(test)]
 mod tests {
+    use super::super::model::Term;
     use super::*;
 
     const URDF: &str = r#"<robot name="arm"><link name="base"/><link name="arm"><inertial><mass value="1"/>
@@ -200,5 +235,25 @@ mod tests {
         let mut robot = arm();
         override_value(&mut robot, SUPPLY, 9.0).expect("a voltage");
         assert_eq!(robot.effects[0].values, [9.0, 12.0]);
+    }
+
+    #[test]
+    fn what_is_carried_comes_on_top_of_what_a_link_weighs_by_a_model() {
+        let carried = BTreeMap::from([(PAYLOAD.to_owned(), 0.5)]);
+        let logged = Logged::new(&arm(), &carried).expect("a payload");
+        let heavier = Term {
+            kind: Kind::Mass,
+            target: 1,
+            values: vec![2.0],
+            free: vec![0],
+            table: None,
+            held: false,
+        };
+        let model = Model {
+            tuned: Vec::new(),
+            terms: vec![heavier],
+        };
+        assert_eq!(logged.with(&model).links[1].inertial.mass, 2.5);
+        assert_eq!(logged.with(&Model::default()).links[1].inertial.mass, 1.5);
     }
 }

@@ -1,7 +1,7 @@
 //! Whole logs through actuators and engine at 1 kHz, many candidate robots side by side in SIMD lanes.
 
 use omniwalk_env::actuators::Actuators;
-use omniwalk_env::effect::{Effect, Kind, true_position};
+use omniwalk_env::effect::{Effect, Kind, decoder};
 use omniwalk_env::engine::lanes::{Lanes, Simd};
 use omniwalk_env::engine::{Engine, EngineError, Friction, Start, World};
 use omniwalk_env::robot::Robot;
@@ -66,10 +66,11 @@ impl<'a> Rollout<'a> {
         let dofs = robots[0].dofs.len();
         for (w, robot) in robots.iter().enumerate() {
             let mut start = Start::nominal(robot);
-            let late: Vec<usize> = (0..dofs).map(|d| lateness(robot, d)).collect();
-            for (d, states) in trial.initial.iter().enumerate() {
-                let (reading, velocity) = states[trial.begin() + late[d]];
-                start.joints[d] = true_position(robot, d, reading);
+            // Found once: the past of a joint has as many readings as there are steps before the start.
+            let encoders: Vec<_> = (0..dofs).map(|d| (lateness(robot, d), decoder(robot, d))).collect();
+            for (d, (states, (late, position))) in trial.initial.iter().zip(&encoders).enumerate() {
+                let (reading, velocity) = states[trial.begin() + late];
+                start.joints[d] = position(reading);
                 start.joint_velocities[d] = velocity;
             }
             if let Some(base) = &trial.base {
@@ -80,11 +81,12 @@ impl<'a> Rollout<'a> {
             for (d, told) in trial.told.iter().enumerate() {
                 let target = if told.effort { start.joints[d] } else { told.command[0] };
                 actuators.start(d, w, (start.joints[d], start.joint_velocities[d]), target);
+                let (late, position) = &encoders[d];
                 let past = |age: usize| {
                     let age = (age as f64 * dt / DT).round() as usize;
                     let told = told.past[age.clamp(1, told.past.len()) - 1];
-                    let (reading, _) = trial.initial[d][trial.begin() + late[d] - age];
-                    (told, true_position(robot, d, reading))
+                    let (reading, _) = trial.initial[d][trial.begin() + late - age];
+                    (told, position(reading))
                 };
                 let known = (LEAD / dt).round() as usize;
                 actuators.recall(d, w, told.effort, known, past);

@@ -56,7 +56,7 @@ pub fn lacking(data: &Data, model: &Model, scales: &Scales) -> Result<Vec<Vec<Mo
     let dofs = data.weights.len();
     let mut out = vec![Vec::new(); dofs];
     for (t, trial) in data.trials.iter().enumerate() {
-        let robot = [model.robot(&data.robots[t])];
+        let robot = [data.robots[t].with(model)];
         let mut rollout = Rollout::new(trial, &robot, DT)?;
         let mut readings = vec![0.0; dofs];
         let mut pulled = vec![0.0; dofs];

@@ -7,7 +7,7 @@ use omniwalk_env::robot::{Limb, Robot};
 
 use super::base::MeasuredBase;
 use super::motion::Motion;
-use super::own;
+use super::own::{self, Logged};
 use super::starts::Starts;
 use crate::recording::{Jump, overrides};
 
@@ -197,21 +197,12 @@ impl Trial {
     ///
     /// # Errors
     /// [`TrialError::Override`] for an override that names nothing, [`TrialError::Value`] for one that cannot be.
-    pub fn robot(&self, robot: &Robot) -> Result<Robot, TrialError> {
-        let mut robot = robot.clone();
-        for (key, &value) in &self.overrides {
-            let (log, key) = (|| self.name.clone(), key.clone());
-            own::override_value(&mut robot, &key, value).map_err(|refused| match refused {
-                own::Refused::Unknown => TrialError::Override { log: log(), key },
-                own::Refused::Value(right) => TrialError::Value {
-                    log: log(),
-                    key,
-                    value,
-                    right,
-                },
-            })?;
-        }
-        Ok(robot)
+    pub fn robot(&self, robot: &Robot) -> Result<Logged, TrialError> {
+        let log = self.name.clone();
+        Logged::new(robot, &self.overrides).map_err(|(key, value, refused)| match refused {
+            own::Refused::Unknown => TrialError::Override { log, key },
+            own::Refused::Value(right) => TrialError::Value { log, key, value, right },
+        })
     }
 }
 

@@ -79,18 +79,14 @@ impl Selector<'_> {
         self.fit_free(model)
     }
 
-    fn fit_free(&self, mut model: Model) -> Judged {
-        let judged = self.judge(self.data.fit(&model, self.scales, &|_| true));
-        if model.terms.is_empty() {
-            return judged;
+    fn fit_free(&self, model: Model) -> Judged {
+        let mut starts = vec![model];
+        if !starts[0].terms.is_empty() {
+            let mut straight = starts[0].clone();
+            straight.straighten();
+            starts.push(straight);
         }
-        model.straighten();
-        let again = self.judge(self.data.fit(&model, self.scales, &|_| true));
-        if total(&again.fit.losses) < total(&judged.fit.losses) {
-            again
-        } else {
-            judged
-        }
+        self.judge(self.data.fit_shaken(&starts, self.scales))
     }
 
     /// The fit with the terms of `model`, which may be known already: from where it was fitted first, which may be a lesser

@@ -94,12 +94,14 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// What may stand for an effect of the model: what it has, and what in some step took a good part of what the best took.
+    /// What may stand for an effect of the model: what it has, what predicts as well as one of those, and what in some step took a good part of
+    /// what the best took.
     pub fn rivals(&self) -> Vec<(Kind, usize)> {
         let best = self.rejected.iter().map(|r| r.most).fold(self.best, f64::max);
         let good = self.rejected.iter().filter(|r| r.most >= RIVAL * best);
         let own = self.last.model.terms.iter().map(|term| (term.kind, term.target));
-        good.map(|r| (r.kind, r.target)).chain(own).collect()
+        let alike = self.alike.iter().flat_map(|alike| &alike.others).copied();
+        good.map(|r| (r.kind, r.target)).chain(own).chain(alike).collect()
     }
 
     /// With what an `earlier` selection, from whose effects this one went on, did not take.

@@ -57,7 +57,8 @@ impl Selector<'_> {
             let mut term = base.terms.remove(i);
             let without = self.known(steps, &base);
             let candidates = self.rivals(&without.fit.model, &[&term]);
-            let tried = self.try_all(steps, &without, candidates);
+            let mut tried = self.try_all(steps, &without, candidates.clone());
+            tried.add(self.try_in_place(&without, &steps.now, candidates));
             let plain = |judged: &&Judged| size(&judged.fit.model) <= size(&steps.now.fit.model);
             let better = tried.judged.iter().filter(plain);
             let better = better

@@ -1,12 +1,14 @@
 //! A step: what is tried beside the model, and which of it is taken.
 
 use omniwalk_env::effect::Kind;
+use omniwalk_env::robot::Robot;
 use rayon::prelude::*;
 
 use super::super::candidates::{self, Attempt, Candidate};
 use super::super::cross::Gain;
-use super::super::fit::total;
+use super::super::fit::{Data, total};
 use super::super::model::Model;
+use super::super::scales::Scales;
 use super::worth::WORTH;
 use super::{Judged, PAIRED, Rejected, Selector, Steps, Terms, size, terms};
 
@@ -14,6 +16,9 @@ use super::{Judged, PAIRED, Rejected, Selector, Steps, Terms, size, terms};
 const FINISHED: usize = 6;
 /// A candidate that leaves so many times the loss of the best one of rough data is not looked at further.
 const BEHIND: f64 = 2.0;
+
+/// How an attempt begins.
+type Begin = fn(&Robot, &Data, &Model, &Candidate, &Scales) -> Attempt;
 
 /// What was tried beside a model.
 #[derive(Default)]
@@ -26,6 +31,12 @@ pub(super) struct Tried {
 }
 
 impl Tried {
+    /// What was tried in another way too.
+    pub(super) fn add(&mut self, other: Self) {
+        self.candidates.extend(other.candidates);
+        self.judged.extend(other.judged);
+    }
+
     pub(super) fn iter(&self) -> impl Iterator<Item = (&Candidate, &Judged)> {
         self.candidates.iter().zip(&self.judged)
     }
@@ -110,7 +121,10 @@ impl Selector<'_> {
         if !on.is_empty() {
             let before = total(&self.data.rough().losses(std::slice::from_ref(&now.fit.model))[0]);
             let share = |loss: f64| 1.0 - loss / before;
-            let results = self.try_on(&on).into_iter().map(|result| result.map_err(share));
+            let results = self
+                .try_on(&on, Attempt::begin)
+                .into_iter()
+                .map(|result| result.map_err(share));
             let results = new
                 .iter()
                 .zip(results)
@@ -131,13 +145,31 @@ impl Selector<'_> {
         tried
     }
 
+    /// Every candidate in the place of an effect: beside `without` it, re-tuned as in `now` with it. What explains the same does so with much
+    /// the same values, and from those without any effect there need not be a way.
+    pub(super) fn try_in_place(&self, without: &Judged, now: &Judged, candidates: Vec<Candidate>) -> Tried {
+        if self.data.is_free() {
+            return Tried::default();
+        }
+        let mut model = without.fit.model.clone();
+        model.tuned.clone_from(&now.fit.model.tuned);
+        let on: Vec<_> = candidates.iter().map(|candidate| (&model, candidate)).collect();
+        let results = self.try_on(&on, Attempt::in_place);
+        let good = candidates.into_iter().zip(results);
+        let (candidates, judged) = good.filter_map(|(own, result)| Some((own, result.ok()?))).unzip();
+        Tried {
+            candidates,
+            judged,
+            left: Vec::new(),
+        }
+    }
+
     /// The candidates, each beside its own model of `on`, judged; or the losses of those that are far from the best of rough data, and,
     /// where fits are dear, those of all but the best [`FINISHED`].
-    fn try_on(&self, on: &[(&Model, &Candidate)]) -> Vec<Result<Judged, f64>> {
+    fn try_on(&self, on: &[(&Model, &Candidate)], begin: Begin) -> Vec<Result<Judged, f64>> {
         let rough = self.data.rough();
-        let begin = |(model, candidate): &(&Model, &Candidate)| {
-            Attempt::begin(self.robot, &rough, model, candidate, self.scales)
-        };
+        let begin =
+            |(model, candidate): &(&Model, &Candidate)| begin(self.robot, &rough, model, candidate, self.scales);
         let mut attempts: Vec<Attempt> = on.par_iter().map(begin).collect();
         let best = least(&attempts);
         attempts
@@ -182,7 +214,11 @@ impl Selector<'_> {
             .iter()
             .map(|((_, first), (second, _))| (&first.fit.model, *second))
             .collect();
-        let pairs: Vec<Judged> = self.try_on(&on).into_iter().filter_map(Result::ok).collect();
+        let pairs: Vec<Judged> = self
+            .try_on(&on, Attempt::begin)
+            .into_iter()
+            .filter_map(Result::ok)
+            .collect();
         // A pair must be worth two effects.
         let best = self.best(now, &pairs, count * count / 2)?;
         let gain = self.folds.gain(&now.cross, &best.cross);
