@@ -8,11 +8,19 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
-    *(("rig", seed) for seed in range(200, 272)),
-    *(("leg", seed) for seed in range(200, 232)),
-    *(("walk", seed) for seed in range(200, 208)),
+    *(("rig", seed) for seed in range(300, 372)),
+    *(("leg", seed) for seed in range(300, 332)),
+    *(("walk", seed) for seed in range(300, 308)),
 ]
 """Machine and seed; to be run once, after the procedure is frozen."""
+
+SECOND = [
+    *(("rig", seed) for seed in range(200, 272)),
+    *(("leg", seed) for seed in range(200, 232)),
+    *(("walk", seed) for seed in (200, 201, 202, 203, 204, 207)),
+]
+"""Those of the fixed list of the procedure as it was frozen for the second time that were run before it was known that re-tuning had ended in
+lesser minima, and the procedure was changed."""
 
 FIRST = [("rig", seed) for seed in range(72)]
 """The rigs of the fixed list of the procedure as it was frozen first. Its 32 legs and 8 walks were left when these showed intervals that
@@ -25,7 +33,7 @@ REHEARSAL = [
 ]
 """What the procedure was worked out on: no measure of it."""
 
-LISTS = {"fixed": FIXED, "first": FIRST, "rehearsal": REHEARSAL}
+LISTS = {"fixed": FIXED, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
 
 
 def ensure(machine: str, seed: int, out: Path, walker: Path = POLICY) -> Path:

@@ -16,6 +16,9 @@ COUPLING_DAMPING: Range = (0.25, 0.5)
 """Damping of a rotor on play or spring, as a share of the critical one. With less, servos that look at the joint shake machines to and fro
 all the time: nobody records one that does."""
 
+RIG_MOTION = 1.2
+"""How far the joint of a rig moves to either side, rad."""
+
 INSIDE: dict[str, dict[str, Range]] = {
     "command_delay": {"time": (0.012, 0.035)},
     "command_rate_limit": {"speed": (0.25, 0.45)},
@@ -27,7 +30,7 @@ INSIDE: dict[str, dict[str, Range]] = {
     "directional_friction": {"torque": (0.07, 0.15)},
     "backlash": {"gap": (0.025, 0.06), "coupling_damping": COUPLING_DAMPING},
     "elasticity": {"compliance": (0.04, 0.1), "coupling_damping": COUPLING_DAMPING},
-    "position_ripple": {"amplitude": (0.12, 0.25), "frequency": (0.75, 1.6), "phase": (0.0, 2 * np.pi)},
+    "position_ripple": {"amplitude": (0.12, 0.25), "frequency": (0.6, 1.6), "phase": (0.0, 2 * np.pi)},
     "payload": {"mass": (0.12, 0.3)},
     "sensor_offset": {"offset": (0.03, 0.08)},
     "sensor_delay": {"time": (0.012, 0.03)},
@@ -35,7 +38,7 @@ INSIDE: dict[str, dict[str, Range]] = {
 }
 """Effects a library has. Torques are shares of the machine's typical torque (gravity), speeds of the motion's fastest,
 compliance is a share of the motion per typical torque, a payload a share of the moved mass, other values absolute (SI) or shares;
-frequency is in cycles over the motion to one side: a cycle and a half to both, as what has fewer is a curve and no ripple."""
+frequency is in cycles per rad of a rig, and in as many over the whole motion of another machine: what has fewer is a curve and no ripple."""
 
 OUTSIDE: dict[str, tuple[dict[str, Range], list[str]]] = {
     "ripple_with_beat": (
@@ -184,6 +187,6 @@ def scales(torque: float, speed: float, motion: float) -> dict[str, float]:
     return {key: torque for key in of_torque} | {
         "command_rate_limit.speed": speed,
         "elasticity.compliance": motion / torque,
-        "position_ripple.frequency": 1.0 / motion,
-        "ripple_with_beat.frequency": 1.0 / motion,
+        "position_ripple.frequency": RIG_MOTION / motion,
+        "ripple_with_beat.frequency": RIG_MOTION / motion,
     }

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from .effects import RIG_MOTION
+
 Vector = tuple[float, float, float]
 
 
@@ -158,7 +160,7 @@ def rig(draw) -> Machine:
     )
     bob = (2e-4, 2e-4, 2e-4)
     hinge = Joint("hinge", "stand", "arm", (0, 0, 0), (0, 1, 0), (-2.8, 2.8), servo, mass, (0, 0, -length), bob)
-    return Machine("rig", [hinge], motions=1.2)
+    return Machine("rig", [hinge], motions=RIG_MOTION)
 
 
 def leg(draw) -> Machine:

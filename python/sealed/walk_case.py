@@ -51,8 +51,8 @@ def typical() -> dict[str, dict[str, float]]:
             "loose_mass.mass": mass,
             "sensor_offset.offset": 0.5,
             # As many cycles within the motion as a rig has.
-            "position_ripple.frequency": 1.2 / max(float(motion), 0.15),
-            "ripple_with_beat.frequency": 1.2 / max(float(motion), 0.15),
+            "position_ripple.frequency": effects.RIG_MOTION / max(float(motion), 0.15),
+            "ripple_with_beat.frequency": effects.RIG_MOTION / max(float(motion), 0.15),
         }
     return scales
 
