@@ -129,10 +129,11 @@ def text(*numbers: float) -> str:
 
 
 def rotor(parent: Element, joint: str, origin: Vector, axis: Vector, inertia: float) -> Element:
-    """A rotor that turns beside the link of `joint`, on the body that carries both."""
+    """A rotor that turns beside the link of `joint`, on the body that carries both. Its `inertia` is that behind a gear, of the ratio's square:
+    what carries the rotor feels it by the ratio alone, next to nothing. A body of that inertia would load it too."""
     body = SubElement(parent, "body", name=f"{joint}_rotor", pos=text(*origin))
-    SubElement(body, "joint", name=f"{joint}_rotor", type="hinge", axis=text(*axis))
-    SubElement(body, "inertial", pos="0 0 0", mass="1e-6", diaginertia=text(*[inertia] * 3))
+    SubElement(body, "joint", name=f"{joint}_rotor", type="hinge", axis=text(*axis), armature=text(inertia))
+    SubElement(body, "inertial", pos="0 0 0", mass="1e-6", diaginertia="1e-9 1e-9 1e-9")
     return body
 
 

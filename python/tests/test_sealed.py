@@ -4,11 +4,12 @@ import ast
 import json
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from mcap_ros2.reader import read_ros2_messages
 
-from sealed import effects, generate
+from sealed import effects, generate, machine
 from sealed.actuator import Bristle
 
 # The walking machine stands on the reference, which is written from the documents.
@@ -104,3 +105,28 @@ def test_motions_go_round_where_more_logs_are_asked_for(tmp_path):
     folder = generate.generate("rig", 1, tmp_path, 0.5, count=len(generate.FIT) + 1)
     names = sorted(log.stem for log in (folder / "fit").glob("*.mcap"))
     assert [name[3:] for name in names] == [*generate.FIT, generate.FIT[0]]
+
+
+def test_a_rotor_loads_its_joint_and_not_what_carries_it():
+    def masses(rotors: dict[str, float]) -> tuple[mujoco.MjModel, np.ndarray]:
+        """The mass matrix about a bent pose."""
+        model = mujoco.MjModel.from_xml_string(leg.mjcf(1e-3, rotors, {}))
+        data = mujoco.MjData(model)
+        data.qpos[:] = 0.3
+        mujoco.mj_forward(model, data)
+        matrix = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, matrix)
+        return model, matrix
+
+    leg = machine.leg(lambda low, high: 0.5 * (low + high))
+    armature = leg.joint("knee").servo.armature
+    model, split = masses({"knee": armature})
+    _, whole = masses({})
+    rotor = int(model.joint("knee_rotor").dofadr[0])
+    knee = int(model.joint("knee").dofadr[0])
+    beside = np.delete(split[rotor], rotor)
+    assert split[rotor, rotor] == pytest.approx(armature, rel=1e-4) and np.abs(beside).max() < 1e-3 * armature
+    rest = np.delete(np.delete(split, rotor, 0), rotor, 1)
+    at = knee - (knee > rotor)
+    rest[at, at] += armature
+    assert np.abs(rest - whole).max() < 1e-3 * armature
