@@ -8,11 +8,15 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
-    *(("rig", seed) for seed in range(300, 372)),
-    *(("leg", seed) for seed in range(300, 332)),
-    *(("walk", seed) for seed in range(300, 308)),
+    *(("rig", seed) for seed in range(400, 472)),
+    *(("leg", seed) for seed in range(400, 432)),
+    *(("walk", seed) for seed in range(400, 408)),
 ]
 """Machine and seed; to be run once, after the procedure is frozen."""
+
+THIRD = [*(("rig", seed) for seed in range(300, 372)), *(("leg", seed) for seed in range(300, 309)), ("walk", 300)]
+"""Those of the fixed list of the procedure as it was frozen for the third time that were run before its rigs showed a cross-validation that
+ran away (rig 314) and ripples that were named with a scale of the encoder (rigs 323 and 363), and the procedure was changed."""
 
 SECOND = [
     *(("rig", seed) for seed in range(200, 272)),
@@ -33,7 +37,7 @@ REHEARSAL = [
 ]
 """What the procedure was worked out on: no measure of it."""
 
-LISTS = {"fixed": FIXED, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
+LISTS = {"fixed": FIXED, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
 
 
 def ensure(machine: str, seed: int, out: Path, walker: Path = POLICY) -> Path:

@@ -6,6 +6,7 @@ use omniwalk_env::random::Stream;
 
 use super::descent::{newton, sum};
 use super::fit::{Data, Fit, Loss, total};
+use super::model::Model;
 use super::scales::Scales;
 
 /// Most folds.
@@ -14,6 +15,9 @@ const FOLDS: usize = 5;
 const MANY_LOGS: usize = 12;
 /// Dampings of the step to the fit without a fold that are tried, the strongest last: with five folds they fill the lanes.
 const DAMPINGS: [f64; 3] = [1e-3, 0.1, 10.0];
+/// Stronger ones for a fold without which all of those lead uphill on the logs they are made from: at a kink, as where a limit is only just
+/// reached, the slope of one side says nothing of the other.
+const STRONGER: [f64; 3] = [1e2, 1e3, 1e5];
 /// Numbers of the weakest damping that is allowed: one of these, the same in every fold.
 const HELD: [usize; 2] = [0, 1];
 /// A loss within this share of the least is as good: the strongest damping of those, as a step that gains the logs it is made from no
@@ -141,13 +145,15 @@ impl Folds {
     /// parabola, as it is where joints stick, the step is damped as strongly as suits the others. What is far off counts less.
     pub fn cross(&self, data: &Data, fit: &Fit, scales: &Scales) -> Vec<Loss> {
         let (x, free) = (fit.model.get(scales), fit.model.free(scales));
-        let without = |fold: usize| {
+        let without = |fold: usize, dampings: &[f64]| -> Vec<Model> {
             let used = |b: usize| self.trains(b, fold);
             let (gradient, curvature) = sum(&fit.slopes, &used, x.len());
-            DAMPINGS.map(|damping| fit.model.at(&newton(&x, &free, &gradient, &curvature, damping), scales))
+            let step = |&damping: &f64| fit.model.at(&newton(&x, &free, &gradient, &curvature, damping), scales);
+            dampings.iter().map(step).collect()
         };
-        let models: Vec<_> = (0..self.count).flat_map(without).collect();
-        let losses = data.cells(&models);
+        let models: Vec<_> = (0..self.count).flat_map(|fold| without(fold, &DAMPINGS)).collect();
+        let mut losses = data.cells(&models);
+        self.mend_uphill(data, fit, &mut losses, &|fold| without(fold, &STRONGER));
         // What only the fold tells, the others let go anywhere: such numbers are held by as much as predicts best.
         let held = HELD.map(|held| self.predicted(data, &losses, held));
         let best = held
@@ -157,16 +163,43 @@ impl Folds {
         best.unwrap_or_default()
     }
 
+    /// Puts, for each fold without which every step of [`DAMPINGS`] leads uphill, the weakest of `stronger` steps that does not in their place.
+    fn mend_uphill(&self, data: &Data, fit: &Fit, losses: &mut [Vec<Loss>], stronger: &dyn Fn(usize) -> Vec<Model>) {
+        let usual = DAMPINGS.len();
+        let least = |fold: usize| (1.0 + AS_GOOD) * self.others(&fit.losses, fold);
+        let is_uphill = |fold: &usize| {
+            let own = &losses[fold * usual..(fold + 1) * usual];
+            own.iter().all(|losses| self.others(losses, *fold) > least(*fold))
+        };
+        let uphill: Vec<usize> = (0..self.count).filter(is_uphill).collect();
+        if uphill.is_empty() {
+            return;
+        }
+        let models: Vec<Model> = uphill.iter().flat_map(|&fold| stronger(fold)).collect();
+        for (&fold, own) in uphill.iter().zip(data.cells(&models).chunks(STRONGER.len())) {
+            let weakest = own.iter().find(|losses| self.others(losses, fold) <= least(fold));
+            let mended = weakest.unwrap_or(&own[STRONGER.len() - 1]);
+            losses[fold * usual..(fold + 1) * usual].fill(mended.clone());
+        }
+    }
+
+    /// Sum of `losses` (by block, or by block and degree of freedom) over the blocks that are fitted to when `fold` is left out.
+    fn others(&self, losses: &[Loss], fold: usize) -> f64 {
+        let cells = losses.len() / self.of_block.len().max(1);
+        let trained = losses
+            .iter()
+            .enumerate()
+            .filter(|(cell, _)| self.trains(cell / cells, fold));
+        total(&trained.map(|(_, loss)| *loss).collect::<Vec<_>>())
+    }
+
     /// Losses of every block where its fold was left out, of steps with the damping number `held` or a stronger one.
     fn predicted(&self, data: &Data, losses: &[Vec<Loss>], held: usize) -> Vec<Loss> {
         let dofs = data.weights.len();
         let of = |losses: &Vec<Loss>, b: usize| losses[b * dofs..(b + 1) * dofs].to_vec();
         let best = |fold: usize| {
             let own = &losses[fold * DAMPINGS.len() + held..(fold + 1) * DAMPINGS.len()];
-            let others = |losses: &Vec<Loss>| {
-                let trained = (0..data.blocks).filter(|&b| self.trains(b, fold));
-                total(&trained.flat_map(|b| of(losses, b)).collect::<Vec<_>>())
-            };
+            let others = |losses: &Vec<Loss>| self.others(losses, fold);
             let least = own.iter().map(others).fold(f64::INFINITY, f64::min);
             let good = own.iter().rfind(|losses| others(losses) <= (1.0 + AS_GOOD) * least);
             good.unwrap_or(&own[0])
@@ -230,7 +263,7 @@ pub fn robust(data: &Data, mut cells: Vec<Loss>) -> Vec<Loss> {
 }
 
 /// The log of each block.
-fn block_logs(data: &Data) -> Vec<usize> {
+pub fn block_logs(data: &Data) -> Vec<usize> {
     let ends = data.first_block.iter().skip(1).copied().chain([data.blocks]);
     let mut out = Vec::with_capacity(data.blocks);
     for (trial, end) in data.trials.iter().zip(ends) {

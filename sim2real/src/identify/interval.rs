@@ -51,6 +51,9 @@ pub fn intervals(selector: &Selector<'_>, fit: &Fit) -> Vec<HalfWidth> {
         whole: f64::INFINITY,
     };
     let mut out = vec![unknown; n];
+    if told.is_empty() {
+        return out;
+    }
     let Some(factor) = of_told(&curvature).cholesky() else {
         return out;
     };
@@ -101,6 +104,9 @@ pub fn told(curvature: &DMatrix<f64>) -> Vec<usize> {
     let active: Vec<usize> = (0..n).filter(|&i| curvature[(i, i)] > 1e-12 * largest).collect();
     let own = |a: usize| curvature[(active[a], active[a])].sqrt();
     let m = active.len();
+    if m == 0 {
+        return active;
+    }
     let unit = DMatrix::from_fn(m, m, |a, b| curvature[(active[a], active[b])] / (own(a) * own(b)));
     let eigen = unit.symmetric_eigen();
     let open = |a: &usize| {
@@ -242,5 +248,7 @@ mod tests {
         // The first two move readings alike to one part in a thousand, the third does something of its own, the last nothing.
         let rows = DMatrix::from_row_slice(3, 4, &[1.0, 1.0, 0.0, 0.0, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         assert_eq!(told(&(rows.transpose() * &rows)), [2]);
+        assert!(told(&DMatrix::zeros(3, 3)).is_empty());
+        assert!(told(&DMatrix::zeros(0, 0)).is_empty());
     }
 }

@@ -170,7 +170,7 @@ impl Losses {
     /// time is no trifle.
     fn is_much(&self, beside: bool, autocorrelation: f64) -> bool {
         is_above(self.last, self.floor, self.negligible)
-            && (!beside || self.share_left() > SHARE_LEFT || self.is_far() && autocorrelation > COLOURED)
+            && (!beside || self.share_left() > SHARE_LEFT || self.is_far() && autocorrelation.abs() > COLOURED)
     }
 
     /// Whether something is missing even where nothing predicts it.

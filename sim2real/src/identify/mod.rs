@@ -36,6 +36,7 @@ mod motion;
 mod noise;
 mod outcome;
 mod own;
+mod past;
 mod rehearsed;
 mod report;
 mod rollout;

@@ -8,6 +8,7 @@ use omniwalk_env::engine::EngineError;
 
 use super::fit::Data;
 use super::model::{FEWEST_CYCLES, Model};
+use super::past;
 use super::rollout::Rollout;
 use super::scales::Scales;
 use super::trial::{DT, Trial};
@@ -152,13 +153,15 @@ pub enum Form {
     Plain,
     /// A function of it against the direction of motion: friction that varies.
     Friction,
+    /// What it was in the last 0.2 s.
+    Past,
 }
 
 impl Form {
     /// What a function of the variable is multiplied with.
     fn factor(self, moment: &Moment, slow: f64) -> f64 {
         match self {
-            Self::Plain => 1.0,
+            Self::Plain | Self::Past => 1.0,
             Self::Friction => (moment.values[1] / slow).clamp(-1.0, 1.0),
         }
     }
@@ -184,7 +187,7 @@ const LEAST: f64 = 0.05;
 const NEARLY: f64 = 0.9;
 
 /// The variables that predict the torque, in order, by how well piecewise linear functions of them predict blocks they
-/// were not fitted to. `fold` gives the fold of a block.
+/// were not fitted to; where none does, the one whose past does. `fold` gives the fold of a block.
 pub fn dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
     let variables = moments.first().map_or(0, |moment| moment.values.len());
     if moments.len() < 200 {
@@ -227,7 +230,27 @@ pub fn dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usiz
         explained += best.gain;
         found.push(best);
     }
+    if found.is_empty() {
+        found.extend(of_past(moments, fold, folds));
+    }
     found
+}
+
+/// The variable whose past predicts most of the torque, where no variable does as it is now.
+fn of_past(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Option<Dependence> {
+    let whole: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
+    let of = |variable: usize| {
+        let predicted = past::predict(moments, variable, fold, folds);
+        let left = moments.iter().zip(&predicted).map(|(m, p)| (m.torque - p).powi(2));
+        Dependence {
+            variable,
+            form: Form::Past,
+            gain: 1.0 - left.sum::<f64>() / whole,
+        }
+    };
+    let all = (0..moments[0].values.len()).map(of);
+    let best = all.max_by(|a, b| a.gain.total_cmp(&b.gain));
+    best.filter(|best| best.gain > LEAST)
 }
 
 /// Predictions of `left` by a piecewise linear function of one variable, each block by the function fitted without its fold.

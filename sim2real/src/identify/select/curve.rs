@@ -2,24 +2,27 @@
 
 use omniwalk_env::effect::Kind;
 
-use super::super::fit::{Fit, total};
+use super::super::fit::Fit;
 use super::super::model::joint_of;
 use super::super::torque::{self, Form};
-use super::{Selector, Steps};
+use super::{Selector, Steps, Tabled};
 
 /// Effects whose torque on a joint at rest depends on position alone.
-const OF_POSITION: [Kind; 6] = [
+const OF_POSITION: [Kind; 7] = [
     Kind::PositionRipple,
     Kind::ExternalForce,
     Kind::Mass,
     Kind::CentreOfMass,
     Kind::Payload,
     Kind::SensorOffset,
+    Kind::SensorScale,
 ];
-/// So many of them at once on a joint can draw any curve, and say nothing of what made it.
+/// So many of them at once on a joint can draw any curve, and say nothing of what made it: they are one where a table over position takes the
+/// share [`SAME`] of the loss that they take.
 const CURVE: usize = 3;
-/// They are one where a table over position takes this share of the loss that they take.
 const SAME: f64 = 0.8;
+/// So many are one where the table predicts better than they do.
+const PART_OF_CURVE: usize = 2;
 
 impl Selector<'_> {
     /// Takes out the effects of position of each joint that has so many of them that they stand for a curve, where a table over position
@@ -36,12 +39,20 @@ impl Selector<'_> {
                 })
                 .map(|term| (term.kind, term.target))
                 .collect();
-            if curve.len() < CURVE {
+            if curve.len() < PART_OF_CURVE {
                 continue;
             }
             let without = self.known(steps, &base);
-            let takes = 1.0 - total(&steps.now.cross) / total(&without.cross);
-            if self.position_takes(&without.fit, dof) >= SAME * takes {
+            let Some(table) = self.over_position(&without.fit, dof) else {
+                continue;
+            };
+            let effects = self.logs.cross(self.data, &steps.now.fit, self.scales);
+            let is_curve = if curve.len() < CURVE {
+                self.apart(&effects, table.cross())
+            } else {
+                table.share() >= SAME * table.share_of(&effects)
+            };
+            if is_curve {
                 steps.now = without;
                 undone.extend(curve);
             }
@@ -49,12 +60,9 @@ impl Selector<'_> {
         undone
     }
 
-    /// The share that a table over position on degree of freedom `dof` takes of the cross-validated loss of `fit`.
-    fn position_takes(&self, fit: &Fit, dof: usize) -> f64 {
-        let Ok(moments) = torque::lacking(self.data, &fit.model, self.scales) else {
-            return 0.0;
-        };
-        let table = self.best_table(fit, dof, &moments[dof], &[(0, Form::Plain)]);
-        table.map_or(0.0, |table| table.share())
+    /// A table over position on degree of freedom `dof` beside the model of `fit`.
+    fn over_position(&self, fit: &Fit, dof: usize) -> Option<Tabled> {
+        let moments = torque::lacking(self.data, &fit.model, self.scales).ok()?;
+        self.best_table(fit, dof, &moments[dof], &[(0, Form::Plain)])
     }
 }

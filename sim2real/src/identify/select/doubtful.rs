@@ -29,13 +29,17 @@ impl Selector<'_> {
     }
 }
 
-/// The half width of a size over its distance from that of no effect, the smallest of the term's sizes; none where a size has no interval.
+/// The half width of a size over its distance from that of no effect, the smallest of the term's sizes: infinite where none has an interval.
+/// A limit does nothing from somewhere on, which one over it tells: it is as doubtful as its half width is to its value. None of an
+/// effect without a size.
 fn doubt(term: &Term, halves: &[f64]) -> Option<f64> {
+    let info = term.kind.info();
+    let is_limit = info.parameters.iter().all(|parameter| parameter.neutral.is_none());
     let sizes = term.free.iter().zip(halves).filter_map(|(&number, &half)| {
-        let neutral = term.kind.info().parameters[number].neutral?;
-        Some(half / (term.values[number] - neutral).abs().max(f64::MIN_POSITIVE))
+        let nothing = info.parameters[number].neutral.or(is_limit.then_some(0.0))?;
+        Some(half / (term.values[number] - nothing).abs().max(f64::MIN_POSITIVE))
     });
-    sizes.reduce(f64::min).filter(|doubt| doubt.is_finite())
+    sizes.reduce(f64::min)
 }
 
 #[cfg(test)]
@@ -80,8 +84,10 @@ mod tests {
         assert_eq!(ripple(f64::INFINITY, 2.0), Some(4.0));
         assert_eq!(
             doubt_of(Kind::Backlash, 0.002, &[("gap", f64::INFINITY)]),
-            None,
+            Some(f64::INFINITY),
             "what has no interval"
         );
+        let limit = doubt_of(Kind::CommandRateLimit, 12.0, &[("speed", 15.0)]);
+        assert_eq!(limit, Some(1.25), "no limit is an infinite one");
     }
 }

@@ -1,12 +1,17 @@
 //! After the steps: what is needless goes, one effect takes the place of two, and what predicts as well is named with it.
 
 use omniwalk_env::effect::Kind;
+use rayon::prelude::*;
 
 use super::super::candidates::refinements;
 use super::super::fit::total;
 use super::super::model::Model;
+use super::step::Tried;
 use super::worth::APART;
 use super::{Alike, Judged, Selector, Steps, size};
+
+/// What leaves less than so many times the loss of an effect nearly does what that does.
+const CLOSE: f64 = 2.0;
 
 impl Selector<'_> {
     /// Takes out what the model predicts as well without: effects, and what refines them.
@@ -59,6 +64,7 @@ impl Selector<'_> {
             let candidates = self.rivals(&without.fit.model, &[&term]);
             let mut tried = self.try_all(steps, &without, candidates.clone());
             tried.add(self.try_in_place(&without, &steps.now, candidates));
+            self.shake_close(&mut tried, &steps.now);
             let plain = |judged: &&Judged| size(&judged.fit.model) <= size(&steps.now.fit.model);
             let better = tried.judged.iter().filter(plain);
             let better = better
@@ -99,6 +105,27 @@ impl Selector<'_> {
             }
         }
         alike
+    }
+
+    /// Fits what was `tried` in an effect's place, and does nearly what that does, again: from about its end, and without the hold in which
+    /// it is farthest behind. Little decides where a joint sticks after a step, and one hold in another place looks like a worse effect.
+    fn shake_close(&self, tried: &mut Tried, now: &Judged) {
+        let is_apart = |own: &Judged| self.apart(&own.cross, &now.cross);
+        let is_close = |own: &&mut Judged| total(&own.fit.losses) < CLOSE * total(&now.fit.losses) && is_apart(own);
+        tried.judged.par_iter_mut().filter(is_close).for_each(|own| {
+            let again = self.fit_near(&own.fit.model);
+            if total(&again.fit.losses) < total(&own.fit.losses) {
+                *own = again;
+            }
+            let Some(hold) = self.hold(&own.cross, &now.cross).filter(|_| is_apart(own)) else {
+                return;
+            };
+            let used = |block: usize| !hold.contains(&block);
+            let without = self.judge(self.data.fit(&own.fit.model, self.scales, &used));
+            if !is_apart(&without) {
+                *own = without;
+            }
+        });
     }
 
     /// Probability by chance of what each term gains beside the others, corrected for the number of effects it was chosen from.

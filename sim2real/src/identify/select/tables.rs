@@ -1,11 +1,9 @@
-//! A measured table of what a joint lacks, fitted in rollouts: what stands in for an effect that no library has.
+//! A measured table of what a joint lacks, fitted in rollouts: what stands in for an effect that no library has. It is judged by whole logs, where
+//! there are several: it is to hold in other motions, and what goes with the time since the start of a log is in all of them at the same time.
 
-use std::collections::BTreeMap;
-
-use omniwalk_env::effect::{Kind, Table, Variable};
+use omniwalk_env::effect::{Kind, Table};
 use rayon::prelude::*;
 
-use super::super::cross::Folds;
 use super::super::descent::Descent;
 use super::super::fit::{Fit, Loss, total};
 use super::super::model::{Model, Term, joint_of};
@@ -35,18 +33,24 @@ pub struct Tabled {
 }
 
 impl Tabled {
+    /// The cross-validated loss.
+    pub(super) fn cross(&self) -> &[Loss] {
+        &self.cross
+    }
+
     /// Share of the cross-validated loss that it takes.
     pub fn share(&self) -> f64 {
-        1.0 - total(&self.cross) / total(&self.before)
+        self.share_of(&self.cross)
+    }
+
+    /// The same of another model, which predicts with `losses`.
+    pub(super) fn share_of(&self, losses: &[Loss]) -> f64 {
+        1.0 - total(losses) / total(&self.before)
     }
 }
 
 /// What a table is over: a variable's index among [`torque::names`], and how the torque goes with it.
 pub type Over = (usize, Form);
-
-fn is_over_time((variable, _): Over) -> bool {
-    Variable::ALL.get(variable) == Some(&Variable::Time)
-}
 
 impl Selector<'_> {
     /// The best table beside the model of `fit` of what degree of freedom `dof` lacks over one of the variables that simulations know, if it
@@ -54,13 +58,8 @@ impl Selector<'_> {
     pub fn table(&self, fit: &Fit, dof: usize, moments: &[Moment]) -> Option<Tabled> {
         let all: Vec<Over> = torque::simulated().collect();
         let best = self.best_table(fit, dof, moments, &all)?;
-        let gain = self.folds_of(best.over).gain(&best.before, &best.cross);
+        let gain = self.logs.gain(&best.before, &best.cross);
         (gain.share >= WORTH && gain.p * all.len() as f64 <= CHANCE).then_some(best)
-    }
-
-    /// What goes with the time since the start of a log is in all of them at the same time: whole logs tell it.
-    fn folds_of(&self, over: Over) -> &Folds {
-        if is_over_time(over) { &self.logs } else { self.folds }
     }
 
     /// The best of the tables over `variables` beside the model of `fit`.
@@ -74,10 +73,8 @@ impl Selector<'_> {
         let mut ways: Vec<(Over, Descent)> = variables.par_iter().filter_map(begin).collect();
         ways.sort_by(|(_, a), (_, b)| a.loss().total_cmp(&b.loss()));
         ways.truncate(FINISHED);
-        let kinds: BTreeMap<bool, Over> = ways.iter().map(|(over, _)| (is_over_time(*over), *over)).collect();
-        let cross = |over: Over| self.folds_of(over).cross(self.data, fit, self.scales);
-        let before: BTreeMap<bool, Vec<Loss>> = kinds.into_iter().map(|(kind, over)| (kind, cross(over))).collect();
-        let finish = |(over, way): (Over, Descent)| self.finished(&way.fit.model, over, &before[&is_over_time(over)]);
+        let before = self.logs.cross(self.data, fit, self.scales);
+        let finish = |(over, way): (Over, Descent)| self.finished(&way.fit.model, over, &before);
         let finished: Vec<Tabled> = ways.into_par_iter().map(finish).collect();
         let best = finished.into_iter().max_by(|a, b| a.share().total_cmp(&b.share()))?;
         let fine = self.finer_table(&best, moments);
@@ -92,7 +89,7 @@ impl Selector<'_> {
         let own = self.data.fit(model, self.scales, &|_| true);
         Tabled {
             over,
-            cross: self.folds_of(over).cross(self.data, &own, self.scales),
+            cross: self.logs.cross(self.data, &own, self.scales),
             model: own.model,
             before: before.to_vec(),
         }
@@ -146,8 +143,8 @@ impl Selector<'_> {
             };
             let all: Vec<Over> = torque::simulated().collect();
             let table = self.best_table(&without, dof, &moments[dof], &all);
-            let predicted = |table: &Tabled| self.folds_of(table.over).cross(self.data, &selection.last, self.scales);
-            if let Some(table) = table.filter(|table| !self.apart(&table.cross, &predicted(table))) {
+            let predicted = self.logs.cross(self.data, &selection.last, self.scales);
+            if let Some(table) = table.filter(|table| !self.apart(&table.cross, &predicted)) {
                 let over = torque::names(&self.data.trials[0], dof).swap_remove(table.over.0);
                 let reason = format!("a measured table over {over} predicts no worse");
                 selection.take_out(&on_joint, without, &reason);

@@ -1,7 +1,11 @@
 //! What a model must gain on another to be worth having.
 
+use std::ops::Range;
+
+use omniwalk_env::robot::Robot;
+
 use super::super::contact;
-use super::super::cross::Gain;
+use super::super::cross::{Gain, block_logs};
 use super::super::fit::{Fit, Loss, total};
 use super::super::leftover;
 use super::{Judged, Selector};
@@ -20,6 +24,10 @@ const WORTH_OF_LITTLE: f64 = 0.5;
 pub(super) const APART: f64 = 0.02;
 /// ... and at least this share of the loss.
 const APART_SHARE: f64 = 0.01;
+/// Blocks that one hold reaches into.
+const HOLD: usize = 3;
+/// How far a joint that sticks may be from where it did, in units of what its friction holds against its servo: from one side to the other.
+const STICKING: f64 = 2.0;
 /// An effect is none of the ground's when it takes so many times what it would take were nothing missing and the ground another.
 const BEYOND_CONTACT: f64 = 2.0;
 
@@ -80,10 +88,46 @@ impl Selector<'_> {
     }
 
     /// Whether `better` predicts better than `worse` beyond chance. What is off by no more than noise cannot be ruled out,
-    /// whatever predicts better.
+    /// whatever predicts better; nor can what is off by more than that in one hold alone.
     pub(super) fn apart(&self, worse: &[Loss], better: &[Loss]) -> bool {
-        let gain = self.folds.gain(worse, better);
-        gain.share >= APART_SHARE && gain.p <= APART && total(worse) > self.floor
+        let is_better = |worse: &[Loss], better: &[Loss]| {
+            let gain = self.folds.gain(worse, better);
+            gain.share >= APART_SHARE && gain.p <= APART
+        };
+        if total(worse) <= self.floor || !is_better(worse, better) {
+            return false;
+        }
+        let Some(hold) = self.hold(worse, better) else {
+            return true;
+        };
+        let dofs = self.floors.len();
+        let rest = |losses: &[Loss]| {
+            let mut losses = losses.to_vec();
+            losses[hold.start * dofs..hold.end * dofs].fill(Loss::default());
+            losses
+        };
+        let (worse_rest, better_rest) = (rest(worse), rest(better));
+        let share = count(&worse_rest) / count(worse);
+        total(&worse_rest) > ABOVE_FLOOR * self.floor * share && is_better(&worse_rest, &better_rest)
+    }
+
+    /// The stretch of time of a log, of the length of a hold, in which `better` gains most on `worse`, where `worse` is off by no more there
+    /// than a joint that sticks in another place than it did: little decides where, with the right effects too. As blocks.
+    pub(super) fn hold(&self, worse: &[Loss], better: &[Loss]) -> Option<Range<usize>> {
+        let dofs = self.floors.len();
+        let logs = block_logs(self.data);
+        let ranges = (0..logs.len()).filter_map(|first| {
+            let last = (first + HOLD).min(logs.len());
+            (logs[first] == logs[last - 1]).then_some(first..last)
+        });
+        let cells = |blocks: &Range<usize>| blocks.start * dofs..blocks.end * dofs;
+        let gain = |blocks: &Range<usize>| total(&worse[cells(blocks)]) - total(&better[cells(blocks)]);
+        let most = ranges.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
+        let sticks = |cell: usize| {
+            let reach = STICKING * self.data.weights[cell % dofs] * sticking(self.robot, cell % dofs);
+            worse[cell].squares <= reach * reach * worse[cell].count
+        };
+        cells(&most).all(sticks).then_some(most)
     }
 
     /// Whether what `after` takes is more than another model of ground contact would let it take.
@@ -107,6 +151,22 @@ impl Selector<'_> {
         } else {
             "needless beside what was accepted".to_owned()
         }
+    }
+}
+
+/// Readings that losses are of.
+fn count(losses: &[Loss]) -> f64 {
+    losses.iter().map(|loss| loss.count).sum()
+}
+
+/// How far from its target dry friction holds degree of freedom `dof` of `robot` against its servo, rad or m; nowhere without either.
+fn sticking(robot: &Robot, dof: usize) -> f64 {
+    let joint = robot.dof(dof);
+    let stiffness = joint.actuator.map_or(0.0, |actuator| actuator.stiffness());
+    if stiffness > 0.0 {
+        joint.passive.friction / stiffness
+    } else {
+        0.0
     }
 }
 
