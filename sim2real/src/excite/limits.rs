@@ -12,6 +12,8 @@ use super::{COMMAND_RATE, Information};
 const MARGIN: f64 = 0.8;
 /// Share of the torque limit that acceleration may take, beside gravity.
 const ACCELERATION_SHARE: f64 = 0.4;
+/// Amplitude over speed at most, s: of what is farther, staircases would not get from level to level, nor chirps begin, within the speed.
+const REACH: f64 = 0.8;
 /// Amplitude of a joint without limits, rad and m.
 const FREE: [f64; 2] = [1.5, 0.1];
 /// Least distance of a motion's middle from a limit, as a share of the range.
@@ -79,9 +81,11 @@ impl<'r> Limits<'r> {
             };
         };
         let left = (motor.torque_limit - self.gravity[joint]).max(0.1 * motor.torque_limit);
+        let speed = MARGIN * motor.speed_limit;
+        let amplitude = amplitude.min(REACH * speed);
         Room {
             amplitude,
-            speed: MARGIN * motor.speed_limit,
+            speed,
             acceleration: ACCELERATION_SHARE * left / self.inertia[joint],
             jump: scale * MARGIN * left / motor.kp,
         }

@@ -18,35 +18,52 @@ fn find<'p>(plan: &'p Plan, name: &str) -> &'p Motion {
 #[test]
 fn targets_stay_within_position_and_speed_limits_and_come_back() {
     for name in ["pendulum", "nimbro_op2x_small"] {
-        let robot = robot(name);
-        let plan = Plan::new(&robot);
-        assert!(plan.motions.len() >= 5, "{:?}", plan.notes);
-        for motion in &plan.motions {
-            let (first, last) = (&motion.targets[0], &motion.targets[motion.targets.len() - 1]);
-            for joint in 0..robot.policy.len() {
-                let spec = robot.policy_joint(joint);
+        stays_within_limits(&robot(name));
+    }
+}
+
+#[test]
+fn wide_and_slow_joints_are_told_no_more_than_they_can_do() {
+    for (side, speed) in [(60.0, 4.8), (1e9, 4.8), (1.5, 0.1)] {
+        let mut robot = robot("pendulum");
+        for joint in &mut robot.joints {
+            joint.limits = (-side, side);
+            if let Some(motor) = &mut joint.actuator {
+                motor.speed_limit = speed;
+            }
+        }
+        stays_within_limits(&robot);
+    }
+}
+
+fn stays_within_limits(robot: &Robot) {
+    let plan = Plan::new(robot);
+    assert!(plan.motions.len() >= 5, "{:?}", plan.notes);
+    for motion in &plan.motions {
+        let (first, last) = (&motion.targets[0], &motion.targets[motion.targets.len() - 1]);
+        for joint in 0..robot.policy.len() {
+            let spec = robot.policy_joint(joint);
+            assert!(
+                (first[joint] - spec.nominal).abs() < 1e-9 && (last[joint] - spec.nominal).abs() < 1e-6,
+                "{}",
+                motion.name
+            );
+            let limit = spec.actuator.unwrap().speed_limit;
+            for pair in motion.targets.windows(2) {
+                let (lower, upper) = spec.limits;
                 assert!(
-                    (first[joint] - spec.nominal).abs() < 1e-9 && (last[joint] - spec.nominal).abs() < 1e-6,
-                    "{}",
+                    (lower..=upper).contains(&pair[1][joint]),
+                    "{} of {}",
+                    spec.name,
                     motion.name
                 );
-                let limit = spec.actuator.unwrap().speed_limit;
-                for pair in motion.targets.windows(2) {
-                    let (lower, upper) = spec.limits;
-                    assert!(
-                        (lower..=upper).contains(&pair[1][joint]),
-                        "{} of {}",
-                        spec.name,
-                        motion.name
-                    );
-                    let speed = (pair[1][joint] - pair[0][joint]).abs() * COMMAND_RATE;
-                    assert!(
-                        speed <= limit || motion.name.starts_with("steps"),
-                        "{} of {}: {speed}",
-                        spec.name,
-                        motion.name
-                    );
-                }
+                let speed = (pair[1][joint] - pair[0][joint]).abs() * COMMAND_RATE;
+                assert!(
+                    speed <= limit || motion.name.starts_with("steps"),
+                    "{} of {}: {speed}",
+                    spec.name,
+                    motion.name
+                );
             }
         }
     }
