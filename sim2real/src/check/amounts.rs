@@ -11,6 +11,10 @@ use super::{Fault, JointCheck, LogCheck};
 const FEWEST_READINGS: usize = 100;
 /// Least time of motion of all logs together, s: no less than identification needs to fit to, so that one of the two says so.
 const LEAST_SECONDS: f64 = 3.0;
+/// Motion within this share of the range is little.
+const LITTLE: f64 = 0.02;
+/// The range of a joint that turns freely, rad or m.
+const NEVER_LITTLE: f64 = 3.0;
 
 impl Findings {
     /// Whether there is enough of everything, over all logs.
@@ -38,6 +42,7 @@ impl Findings {
                     format!("{readings} readings in all logs together; at least {FEWEST_READINGS} are needed");
                 self.refuse(Fault::TooShort, at, message);
             }
+            self.rate(&checks, at);
             let moves = |check: &&&JointCheck| check.excitation.range_over_noise > LEAST_RANGE;
             let [forward, backward] = [0, 1].map(|way| {
                 checks
@@ -53,6 +58,16 @@ impl Findings {
                 continue;
             }
             moved += 1;
+            let width = |check: &&JointCheck| check.position.width();
+            let widest = checks.iter().map(width).fold(0.0, f64::max);
+            let (lower, upper) = robot.dof(d).limits;
+            if widest < LITTLE * (upper - lower).min(NEVER_LITTLE) {
+                let message = format!(
+                    "moves within {} only: what shows farther off, or at higher speed, cannot be known",
+                    fixed(widest, 4)
+                );
+                self.remark(Fault::LittleMotion, at, message);
+            }
             if !(forward && backward) {
                 self.remark(
                     Fault::LittleMotion,

@@ -26,6 +26,8 @@ pub struct Channel {
     pub in_gaps: f64,
     /// Smallest and largest value; none without samples.
     pub range: Option<[f64; 2]>,
+    /// Standard deviation of the values.
+    pub deviation: f64,
     /// Smallest difference between consecutive values that differ; 0 if all are equal.
     pub resolution: f64,
     /// Standard deviation of noise, from fourth differences; also what quantisation makes.
@@ -55,12 +57,18 @@ impl Channel {
             longest_gap: intervals.iter().fold(0.0, |longest, interval| longest.max(*interval)),
             in_gaps: gaps.iter().sum::<f64>() / series.span().max(1e-12),
             range: Some(range),
+            deviation: deviation(&series.value),
             resolution: if resolution.is_finite() { resolution } else { 0.0 },
             noise: noise(&series.value),
             at_bounds: range
                 .iter()
                 .fold(0.0, |share, bound| share.max(resting(&series.value, *bound))),
         }
+    }
+
+    /// Largest less smallest value; 0 without samples.
+    pub(super) fn width(&self) -> f64 {
+        self.range.map_or(0.0, |range| range[1] - range[0])
     }
 }
 
@@ -73,11 +81,20 @@ pub(super) fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let mean = mean(values);
+    let squares = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>();
+    (squares / values.len().max(1) as f64).sqrt()
+}
+
+/// Standard deviation over mean.
 fn spread(values: &[f64]) -> f64 {
-    let count = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
-    if mean > 0.0 { variance.sqrt() / mean } else { 0.0 }
+    let mean = mean(values);
+    if mean > 0.0 { deviation(values) / mean } else { 0.0 }
 }
 
 /// Fourth differences of white noise have seventy times its variance; motion hardly has any from sample to sample.

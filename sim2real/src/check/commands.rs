@@ -3,11 +3,21 @@
 use omniwalk_env::robot::Joint;
 
 use super::findings::{At, Findings};
-use super::relation::against_command;
+use super::relation::{Relation, against_command, followed_far};
 use super::rules::{COMMANDED, LEAST_RANGE};
 use super::text::fixed;
 use super::{Fault, JointCheck, LogCheck};
 use crate::recording::{CommandKind, LONGEST_PAUSE, Recording, Series};
+
+/// What a lag leaves of what does not follow without it, from which on it is worth a remark, and from which on it is no chance.
+const REMARKED: f64 = 0.5;
+const REFUSED: f64 = 0.1;
+/// A position this long before its command is worth a remark, s: more than the step between lags.
+const REMARKED_LEAD: f64 = 0.015;
+/// And this long before it, it can be no answer to it, s: stamps are off by more than jitter.
+const LONGEST_LEAD: f64 = 0.045;
+/// A servo that does just what it is told does so within this time, s.
+const LONGEST_LAG: f64 = 0.305;
 
 impl Findings {
     /// Commands and readings have to be of the same time.
@@ -34,15 +44,37 @@ impl Findings {
                 "most readings are from before the first command",
             );
         }
-        if let Some(relation) = check
-            .following
-            .filter(|relation| relation.best_correlation > 0.9 && relation.lag < -0.015 && relation.lag_matters())
-        {
+        // Half a period of an oscillation is a wrong sign.
+        let followed = check.following.filter(|relation| !is_flipped(relation));
+        if let Some(near) = followed {
+            let relation = followed_far(record, near);
+            let late = near.lag_leaves() < REMARKED || relation.lag_leaves() < REFUSED;
+            if late && relation.best_correlation > 0.9 {
+                self.lag(&relation, at);
+            }
+        }
+    }
+
+    /// A position that goes best with its command at another time than a servo's.
+    fn lag(&mut self, relation: &Relation, at: At<'_>) {
+        let least = if relation.is_longest() { "at least " } else { "" };
+        let ms = 1000.0 * relation.lag.abs();
+        let surely = relation.lag_leaves() < REFUSED;
+        if relation.lag < -REMARKED_LEAD {
             let message = format!(
-                "the position moves {:.0} ms before its command: the clocks of the two are apart",
-                -1000.0 * relation.lag
+                "the position moves {least}{ms:.0} ms before its command: the clocks of the two are apart, or commands and positions \
+                 are mixed up"
             );
-            self.remark(Fault::ClockOffset, at, message);
+            if surely && relation.lag < -LONGEST_LEAD {
+                self.refuse(Fault::ClockOffset, at, message);
+            } else {
+                self.remark(Fault::ClockOffset, at, message);
+            }
+        } else if surely && relation.lag > LONGEST_LAG {
+            let message = format!(
+                "the position moves {least}{ms:.0} ms after its command, and else as told: no servo is so late, the clocks of the two are apart"
+            );
+            self.refuse(Fault::ClockOffset, at, message);
         }
     }
 
@@ -57,7 +89,7 @@ impl Findings {
         let Some(relation) = check.following.filter(|_| told(check) && joint.actuator.is_some()) else {
             return;
         };
-        if relation.correlation < -0.6 && relation.best_correlation < 0.3 {
+        if is_flipped(&relation) {
             let message = format!(
                 "the position goes against the commands (correlation {}): the sign of one of them is flipped",
                 fixed(relation.correlation, 2)
@@ -95,6 +127,11 @@ impl Findings {
             }
         }
     }
+}
+
+/// Whether a position goes against its commands at any lag of a servo.
+fn is_flipped(relation: &Relation) -> bool {
+    relation.correlation < -0.6 && relation.best_correlation < 0.3
 }
 
 /// Whether the motor was told to move the joint by more than its reading resolves.

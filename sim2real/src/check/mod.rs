@@ -8,10 +8,13 @@ mod amounts;
 mod channel;
 mod commands;
 mod findings;
+mod readings;
 mod relation;
 mod rules;
 mod text;
 mod units;
+
+use std::collections::BTreeMap;
 
 use omniwalk_env::robot::Robot;
 use serde::Serialize;
@@ -59,6 +62,12 @@ pub enum Fault {
     ClockJump,
     /// Time without readings.
     Gaps,
+    /// Readings that no joint took.
+    Outliers,
+    /// Rows without a reading.
+    Missing,
+    /// Two joints with the same readings.
+    SameReadings,
     /// Readings that are far apart.
     LowRate,
     /// Joints of the log that the robot does not have.
@@ -116,6 +125,10 @@ pub struct JointCheck {
     pub effort: Channel,
     /// Readings that repeated the one before and were left out.
     pub repeated: usize,
+    /// Readings that no joint took and were left out.
+    pub outliers: usize,
+    /// Rows or messages without a position.
+    pub missing: usize,
     /// Share of the time in which the motor was on.
     pub enabled: f64,
     /// Position against command, while the motor is on.
@@ -162,6 +175,45 @@ impl Check {
         }
     }
 
+    /// Adds, and returns, a remark for each joint that the nominal robot's simulation misses by the root mean squares of `errors` (rad or m)
+    /// as far as it moves: is it this robot's?
+    pub(crate) fn far_off(&mut self, errors: &BTreeMap<String, f64>) -> Vec<Finding> {
+        let spread = |name: &str| {
+            let own = self
+                .logs
+                .iter()
+                .flat_map(|log| &log.joints)
+                .filter(|joint| joint.name == name);
+            own.map(|joint| joint.position.deviation).fold(0.0, f64::max)
+        };
+        let far = errors
+            .iter()
+            .filter(|(name, error)| **error > spread(name) && spread(name) > 0.0);
+        let remark = |(name, error): (&String, &f64)| Finding {
+            fault: Fault::WrongRobot,
+            log: None,
+            others: 0,
+            joint: Some(name.clone()),
+            message: format!(
+                "the nominal robot is off by {} there, more than the joint moves ({}, root mean squares): what was found is doubtful \
+                 if the logs, the map or the robot's files are another robot's",
+                text::fixed(*error, 4),
+                text::fixed(spread(name), 4)
+            ),
+        };
+        let found: Vec<Finding> = far.map(remark).collect();
+        self.remarks.extend_from_slice(&found);
+        found
+    }
+
+    /// Refusals that make an error on these logs unfounded too: that they are short or hardly move does not.
+    pub fn unfounded(&self) -> impl Iterator<Item = &Finding> {
+        let little = [Fault::TooShort, Fault::NoExcitation, Fault::LowRate];
+        self.refusals
+            .iter()
+            .filter(move |finding| !little.contains(&finding.fault))
+    }
+
     /// Whether anything may be concluded from the logs.
     pub fn usable(&self) -> bool {
         self.refusals.is_empty()
@@ -203,6 +255,8 @@ fn joint_check(record: &JointRecord, joint: &omniwalk_env::robot::Joint) -> Join
         velocity: Channel::new(&record.velocity),
         effort: Channel::new(&record.effort),
         repeated: record.repeated,
+        outliers: record.outliers,
+        missing: record.missing,
         enabled: count as f64 / record.position.len().max(1) as f64,
         following: relation::following(record),
         velocity_to_slope: relation::velocity_to_slope(record),

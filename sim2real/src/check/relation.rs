@@ -1,5 +1,7 @@
 //! What two series of a joint say of each other.
 
+use std::ops::RangeInclusive;
+
 use serde::Serialize;
 
 use super::channel::median;
@@ -7,8 +9,10 @@ use crate::recording::{CommandKind, JointRecord, Series};
 
 /// Time over which slopes are taken, s: long against quantisation and noise, short against motion.
 const SLOPE_TIME: f64 = 0.05;
-/// Lags that are tried, s: clocks may be off both ways, a servo follows within some hundred milliseconds.
-const LAGS: std::ops::RangeInclusive<i32> = -10..=30;
+/// Lags that are tried, in [`LAG_STEP`]s: clocks may be off both ways, a servo follows within some hundred milliseconds.
+const LAGS: RangeInclusive<i32> = -10..=30;
+/// Lags that are tried where the best of those is the last.
+const FAR_LAGS: RangeInclusive<i32> = -100..=100;
 /// Step between lags, s.
 const LAG_STEP: f64 = 0.01;
 /// Samples that are compared at most; more say nothing new about sign and unit.
@@ -28,9 +32,22 @@ pub struct Relation {
 }
 
 impl Relation {
-    /// Whether the lag explains half of what is left without it: slow motion goes as well with a command of any time.
-    pub(super) fn lag_matters(&self) -> bool {
-        1.0 - self.best_correlation.powi(2) < 0.5 * (1.0 - self.correlation.powi(2))
+    /// Whether the lag is the first or last of `lags`: the true one may be longer.
+    fn ends(&self, lags: &RangeInclusive<i32>) -> bool {
+        let ends = [*lags.start(), *lags.end()];
+        let is_lag = |end: &i32| (self.lag - f64::from(*end) * LAG_STEP).abs() < 0.5 * LAG_STEP;
+        ends.iter().any(is_lag)
+    }
+
+    /// Whether the lag is as long as any that is tried.
+    pub(super) fn is_longest(&self) -> bool {
+        self.ends(&FAR_LAGS)
+    }
+
+    /// What the lag leaves of what does not go with the other series without it, as a share: slow motion goes as well with a command of any
+    /// time.
+    pub(super) fn lag_leaves(&self) -> f64 {
+        (1.0 - self.best_correlation.powi(2)) / (1.0 - self.correlation.powi(2)).max(1e-12)
     }
 }
 
@@ -71,13 +88,25 @@ pub(super) fn following(joint: &JointRecord) -> Option<Relation> {
     against_command(joint, &joint.command)
 }
 
+/// The same as `following`, at a longer lag where that may be the better one: no servo's, but a clock's.
+pub(super) fn followed_far(joint: &JointRecord, following: Relation) -> Relation {
+    if !following.ends(&LAGS) {
+        return following;
+    }
+    best_over_lags(&while_on(joint), &joint.command, FAR_LAGS).unwrap_or(following)
+}
+
 /// The joint's position against `command`, which may be another joint's.
 pub(super) fn against_command(joint: &JointRecord, command: &Series) -> Option<Relation> {
+    best_over_lags(&while_on(joint), command, LAGS)
+}
+
+/// Times and positions while the motor is on.
+fn while_on(joint: &JointRecord) -> Vec<(f64, f64)> {
     let on = |time: f64| joint.enabled.held_at(time).is_none_or(|on| *on > 0.0);
     let stride = joint.position.len().div_ceil(MAX_SAMPLES).max(1);
     let samples = joint.position.time.iter().zip(&joint.position.value).step_by(stride);
-    let samples: Vec<(f64, f64)> = samples.filter(|(time, _)| on(**time)).map(|(t, p)| (*t, *p)).collect();
-    best_over_lags(&samples, command)
+    samples.filter(|(time, _)| on(**time)).map(|(t, p)| (*t, *p)).collect()
 }
 
 /// The measured velocity against the slope of the position; `None` where one is missing or nothing varies.
@@ -92,7 +121,7 @@ pub(super) fn velocity_to_slope(joint: &JointRecord) -> Option<Relation> {
         .collect();
     let known: Vec<(f64, f64)> = samples.into_iter().filter(|(time, _)| *time >= first).collect();
     // The measured velocity is the second of the two.
-    let relation = best_over_lags(&known, &joint.velocity)?;
+    let relation = best_over_lags(&known, &joint.velocity, LAGS)?;
     Some(Relation {
         ratio: 1.0 / relation.ratio,
         lag: -relation.lag,
@@ -100,11 +129,11 @@ pub(super) fn velocity_to_slope(joint: &JointRecord) -> Option<Relation> {
     })
 }
 
-/// `samples` (time, value) against what `first` held some lag before.
-fn best_over_lags(samples: &[(f64, f64)], first: &Series) -> Option<Relation> {
+/// `samples` (time, value) against what `first` held some of `lags` before.
+fn best_over_lags(samples: &[(f64, f64)], first: &Series, lags: RangeInclusive<i32>) -> Option<Relation> {
     let at = |lag: f64| correlate(samples, first, lag);
     let (correlation, ratio) = at(0.0)?;
-    let lags = LAGS.map(|step| f64::from(step) * LAG_STEP);
+    let lags = lags.map(|step| f64::from(step) * LAG_STEP);
     let tried = lags.filter_map(|lag| Some((lag, at(lag)?.0)));
     let (lag, best_correlation) = tried.fold(
         (0.0, correlation),

@@ -3,7 +3,6 @@
 use omniwalk_env::effect::Kind;
 use omniwalk_env::robot::{Joint, Robot};
 
-use super::channel::Channel;
 use super::findings::{At, Findings};
 use super::{Fault, JointCheck, LogCheck, robot_joint};
 use crate::recording::overrides::{self, SUPPLY};
@@ -13,8 +12,6 @@ use crate::recording::{Jump, Recording};
 pub(super) const LEAST_RANGE: f64 = 12.0;
 /// Commanded range that should show in the position, rad or m, if it is also well above the resolution.
 pub(super) const COMMANDED: f64 = 0.02;
-/// Lowest rate of readings that shows what a servo does, Hz.
-const LOW_RATE: f64 = 20.0;
 
 impl Findings {
     pub fn new(recordings: &[Recording], logs: &[LogCheck], robot: &Robot) -> Self {
@@ -49,6 +46,7 @@ impl Findings {
                 }
             }
             found.swaps(recording, log);
+            found.same_readings(recording, log);
         }
         found.amounts(logs, robot);
         found
@@ -68,6 +66,11 @@ impl Findings {
                 .collect::<Vec<_>>()
                 .join(", ")
         };
+        if recording.joints.is_empty() {
+            let message = "there are no joints in it: /joint_states and /joint_commands have other names or no messages, or the map \
+                           names no joint";
+            return self.refuse(Fault::Empty, at, message);
+        }
         if log.joints.is_empty() {
             let of_robot: Vec<&str> = (0..robot.dofs.len()).map(|d| robot.dof(d).name.as_str()).collect();
             let message = format!(
@@ -185,7 +188,6 @@ impl Findings {
             );
         }
         self.clocks(recording, check, at);
-        self.stuck(check, at);
         self.units(check, joint, at);
         self.signs(recording, check, joint, at);
         if check.position.in_gaps > 0.5 {
@@ -202,48 +204,6 @@ impl Findings {
             );
             self.remark(Fault::Gaps, at, message);
         }
-        if check.position.rate < LOW_RATE && check.position.samples > 1 {
-            let message = format!("readings come at less than {LOW_RATE} Hz: fast effects cannot be told apart");
-            self.remark(Fault::LowRate, At { joint: None, ..at }, message);
-        }
-    }
-
-    fn stuck(&mut self, check: &JointCheck, at: At<'_>) {
-        let width = |channel: &Channel| channel.range.map_or(0.0, |range| range[1] - range[0]);
-        let told =
-            check.enabled > 0.0 && width(&check.command) > COMMANDED.max(LEAST_RANGE * check.position.resolution);
-        if told && width(&check.position) == 0.0 {
-            let message = format!(
-                "the position reads {} throughout, while the joint is told to move: the reading is stuck",
-                // A zero without a sign.
-                check.position.range.map_or(0.0, |range| range[0]) + 0.0
-            );
-            self.refuse(Fault::Stuck, at, message);
-        }
-        if check.velocity.samples > 0 && width(&check.velocity) == 0.0 && width(&check.position) > COMMANDED {
-            self.remark(
-                Fault::Stuck,
-                at,
-                "the velocity never changes while the joint moves; it is not used",
-            );
-        }
-        // Joints that stick rest where they came to, and may do so at their farthest.
-        if check.position.at_bounds > 0.3 && width(&check.position) > 0.0 {
-            let message = format!(
-                "the position rests at its largest or smallest reading for {:.0} % of the samples: an end stop, a joint that \
-                 sticks, or a sensor that saturates",
-                100.0 * check.position.at_bounds
-            );
-            self.remark(Fault::Saturated, at, message);
-        }
-        for (what, channel) in [("velocity", &check.velocity), ("effort", &check.effort)] {
-            if channel.at_bounds > 0.02 && width(channel) > 0.0 {
-                let message = format!(
-                    "the {what} rests at a bound for {:.0} % of the samples: the sensor saturates",
-                    100.0 * channel.at_bounds
-                );
-                self.remark(Fault::Saturated, at, message);
-            }
-        }
+        self.readings(recording, check, joint, at);
     }
 }

@@ -267,6 +267,152 @@ fn a_motor_that_is_off_need_not_follow_and_what_is_odd_is_noted() {
 }
 
 #[test]
+fn clocks_that_are_far_apart_are_refused_with_how_far_or_that_it_is_farther() {
+    let said = |apart: f64| {
+        let mut log = good(12.0);
+        for joint in &mut log.joints {
+            joint.command.time.iter_mut().for_each(|time| *time += apart);
+        }
+        let check = Check::new(&[log], &arm());
+        let refused = check
+            .refusals
+            .iter()
+            .find(|finding| finding.fault == Fault::ClockOffset);
+        refused.map(ToString::to_string).unwrap_or_default()
+    };
+    // Joints follow 50 ms later.
+    for apart in [-0.1, 0.0, 0.06] {
+        assert_eq!(said(apart), "", "{apart}");
+    }
+    assert!(said(0.15).contains("moves 100 ms before its command"), "{}", said(0.15));
+    assert!(
+        said(-0.35).contains("moves 400 ms after its command"),
+        "{}",
+        said(-0.35)
+    );
+    assert!(said(-0.99).contains("at least 1000 ms after"), "{}", said(-0.99));
+}
+
+#[test]
+fn an_encoder_that_saturates_is_refused_and_a_joint_that_sticks_or_stops_at_its_limit_is_not() {
+    let refused = |log: Recording| {
+        let check = Check::new(&[log], &arm());
+        check.refusals.iter().any(|finding| finding.fault == Fault::Saturated)
+    };
+    let told = |t: f64| (0.8 + 0.04 * t) * (3.0 * t).sin();
+    let log = |position: &dyn Fn(f64) -> f64| {
+        let mut log = good(6.0);
+        log.joints[0].command = series(6.0, told);
+        log.joints[0].position = series(6.0, position);
+        log.joints[0].velocity = Series::default();
+        log
+    };
+    let clipped = |t: f64| (told(t - 0.03) + noise(t)).min(0.7);
+    assert!(refused(log(&clipped)));
+    let low = |t: f64| (told(t - 0.03) + noise(t)).max(-0.5);
+    assert!(refused(log(&low)));
+    // It stays where it turned round until the command has gone back by 0.2 rad; a coarse encoder.
+    let coarse = |at: f64| (at * 600.0).round() / 600.0;
+    let sticks = |t: f64| {
+        let at = (0..=(t * 1000.0) as usize).fold(0.0_f64, |at, k| {
+            let told = told(k as f64 * 1e-3 - 0.03);
+            at.clamp(told - 0.1, told + 0.1)
+        });
+        coarse(at)
+    };
+    assert!(!refused(log(&sticks)));
+    // Its load holds it up.
+    let stalls = |t: f64| {
+        let at = (0..=(t * 1000.0) as usize).fold(0.0_f64, |at, k| {
+            let told = told(k as f64 * 1e-3);
+            at + 1e-3 * (30.0 * (told - at).min(0.7 - at))
+        });
+        coarse(at)
+    };
+    assert!(!refused(log(&stalls)));
+    // The limit is 2 rad.
+    let mut stop = log(&|t| (2.4 * (3.0 * (t - 0.03)).sin()).clamp(-2.0, 2.0));
+    stop.joints[0].command = series(6.0, |t| 2.4 * (3.0 * t).sin());
+    assert!(!refused(stop));
+}
+
+#[test]
+fn one_column_for_two_joints_and_readings_that_are_too_slow_are_refused() {
+    let refused = |log: Recording, fault: Fault| {
+        let check = Check::new(&[log], &arm());
+        check.refusals.iter().any(|finding| finding.fault == fault)
+    };
+    let mut twice = good(6.0);
+    twice.joints[1] = JointRecord {
+        name: "elbow".into(),
+        ..twice.joints[0].clone()
+    };
+    assert!(refused(twice, Fault::SameReadings) && !refused(good(6.0), Fault::SameReadings));
+    let every = |n: usize| {
+        let mut slow = good(20.0);
+        for joint in &mut slow.joints {
+            for own in [&mut joint.position, &mut joint.velocity] {
+                own.time = own.time.iter().copied().step_by(n).collect();
+                own.value = own.value.iter().copied().step_by(n).collect();
+            }
+        }
+        slow
+    };
+    assert!(refused(every(10), Fault::LowRate) && !refused(every(6), Fault::LowRate));
+}
+
+#[test]
+fn what_was_left_out_is_not_there_or_does_not_agree_is_remarked() {
+    let mut log = good(6.0);
+    log.joints[0].outliers = 3;
+    log.joints[0].missing = 20;
+    log.joints[1].missing = 5000;
+    scaled(&mut log.joints[1].velocity, 0.77);
+    let check = Check::new(&[log], &arm());
+    let said: Vec<String> = check.remarks.iter().map(ToString::to_string).collect();
+    let has = |text: &str| said.iter().any(|said| said.contains(text));
+    assert!(check.usable() && said.len() == 3, "{said:?}");
+    assert!(has(
+        "shoulder: readings of the position that are far off those before and after, and are left out: 3"
+    ));
+    assert!(has("shoulder: 20 of 623 rows have no number"));
+    assert!(has("elbow: the velocity is 0.77 times the slope"));
+    let small = good(6.0);
+    let mut small = Recording {
+        joints: small.joints,
+        ..Recording::default()
+    };
+    for joint in &mut small.joints {
+        for own in [&mut joint.command, &mut joint.position, &mut joint.velocity] {
+            scaled(own, 0.02);
+        }
+    }
+    let check = Check::new(&[small], &arm());
+    assert!(
+        check
+            .remarks
+            .iter()
+            .any(|finding| finding.message.contains("only: what shows farther off")),
+        "{check}"
+    );
+}
+
+#[test]
+fn a_nominal_robot_that_is_off_by_more_than_joints_move_is_remarked() {
+    let mut check = Check::new(&[good(6.0)], &arm());
+    let errors = [("elbow", 0.9), ("shoulder", 0.3), ("overall", 0.7)].map(|(name, error)| (name.to_owned(), error));
+    let far = check.far_off(&errors.into_iter().collect());
+    assert_eq!(far.len(), 1, "{far:?}");
+    assert!(
+        far[0]
+            .to_string()
+            .starts_with("elbow: the nominal robot is off by 0.9000"),
+        "{far:?}"
+    );
+    assert_eq!(check.remarks, far);
+}
+
+#[test]
 fn a_position_ahead_of_its_command_is_noted_unless_the_motion_is_too_slow_to_tell() {
     let noted = |log: Recording| {
         let check = Check::new(&[log], &arm());
@@ -274,7 +420,7 @@ fn a_position_ahead_of_its_command_is_noted_unless_the_motion_is_too_slow_to_tel
     };
     let mut late = good(6.0);
     for joint in &mut late.joints {
-        joint.command.time.iter_mut().for_each(|time| *time += 0.11);
+        joint.command.time.iter_mut().for_each(|time| *time += 0.08);
     }
     assert!(noted(late) && !noted(good(6.0)));
     // A lift that comes to rest early, where the joint sticks.

@@ -4,8 +4,8 @@ use std::fmt;
 
 use super::{Check, Finding, JointCheck};
 
-/// Joints of a log, and logs, that are listed; the report holds all.
-const LISTED: usize = 40;
+/// Joints, over all logs, that are listed; the report holds all.
+const LISTED: usize = 60;
 
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -13,7 +13,11 @@ impl fmt::Display for Check {
             f,
             "  joint                  read Hz  jitter  gap s  repeats  command Hz  lag ms   range             fastest  coverage"
         )?;
-        for log in self.logs.iter().take(LISTED) {
+        let mut left = LISTED;
+        for log in &self.logs {
+            if left == 0 {
+                break;
+            }
             writeln!(
                 f,
                 "{}: {} s, joints: {}",
@@ -21,15 +25,14 @@ impl fmt::Display for Check {
                 fixed(log.seconds, 2),
                 log.joints.len()
             )?;
-            for joint in log.joints.iter().take(LISTED) {
+            for joint in log.joints.iter().take(left) {
                 row(f, joint)?;
             }
-            if log.joints.len() > LISTED {
-                writeln!(f, "  ... and {} more", log.joints.len() - LISTED)?;
-            }
+            left -= log.joints.len().clamp(1, left);
         }
-        if self.logs.len() > LISTED {
-            writeln!(f, "... and {} more logs", self.logs.len() - LISTED)?;
+        let all: usize = self.logs.iter().map(|log| log.joints.len()).sum();
+        if all > LISTED {
+            writeln!(f, "... {all} joints in {} logs; the report has all", self.logs.len())?;
         }
         for (findings, word) in [(&self.remarks, "note"), (&self.refusals, "refused")] {
             for finding in findings {

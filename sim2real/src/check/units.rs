@@ -19,6 +19,8 @@ const FACTORS: [(JointKind, f64, &str); 2] = [
 ];
 /// A ratio within this factor of one of those above is one of units.
 const NEAR: f64 = 2.0;
+/// Velocity and slope of the position agree within this factor.
+const AGREE: f64 = 1.1;
 
 impl Findings {
     /// Positions beyond the limits, and ratios of about 57 between quantities that should agree.
@@ -61,6 +63,13 @@ impl Findings {
                         relation.ratio
                     ),
                 );
+            } else if relation.best_correlation > 0.95 && !(1.0 / AGREE..AGREE).contains(&relation.ratio) {
+                let message = format!(
+                    "the velocity is {:.2} times the slope of the position: one of the two is scaled, or the velocity is filtered; \
+                     what depends on the position's scale (gains, masses, sensor_scale) is doubtful if that is the one",
+                    relation.ratio
+                );
+                self.remark(Fault::Units, at, message);
             }
         }
         let (lower, upper) = joint.limits;

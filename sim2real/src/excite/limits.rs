@@ -14,6 +14,8 @@ const MARGIN: f64 = 0.8;
 const ACCELERATION_SHARE: f64 = 0.4;
 /// Amplitude over speed at most, s: of what is farther, staircases would not get from level to level, nor chirps begin, within the speed.
 const REACH: f64 = 0.8;
+/// Smallest amplitude (rad or m) of a joint that moves, and its smallest speed a second.
+const LEAST_AMPLITUDE: f64 = 1e-3;
 /// Amplitude of a joint without limits, rad and m.
 const FREE: [f64; 2] = [1.5, 0.1];
 /// Least distance of a motion's middle from a limit, as a share of the range.
@@ -62,6 +64,12 @@ impl<'r> Limits<'r> {
 
     pub fn middle(&self, joint: usize) -> f64 {
         self.middles[joint]
+    }
+
+    /// Whether a joint can move by enough for any effect to show.
+    pub fn can_move(&self, joint: usize) -> bool {
+        let room = self.room(joint, 1.0);
+        room.amplitude >= LEAST_AMPLITUDE && room.speed >= LEAST_AMPLITUDE
     }
 
     /// What a joint can do about its middle, with `scale` of the amplitude that is there.

@@ -108,11 +108,17 @@ impl Plan {
     pub fn new(robot: &Robot) -> Self {
         let limits = Limits::new(robot);
         let mut plan = Self::default();
-        let joints = robot.policy.len();
+        let (able, unable): (Vec<usize>, Vec<usize>) =
+            (0..robot.policy.len()).partition(|&joint| limits.can_move(joint));
+        for joint in unable {
+            plan.notes.push(format!(
+                "{} is left out: between its limits, or at its speed, it hardly moves",
+                limits.name(joint)
+            ));
+        }
         for shape in Shape::ALL {
-            let alone = (0..joints).map(|joint| vec![joint]);
-            let together: Vec<usize> = (0..joints).collect();
-            let all = (joints > 1).then_some(together);
+            let alone = able.iter().map(|&joint| vec![joint]);
+            let all = (able.len() > 1).then(|| able.clone());
             for moving in alone.chain(all) {
                 plan.add(&limits, shape, &moving);
             }
@@ -128,7 +134,8 @@ impl Plan {
 
     fn add(&mut self, limits: &Limits<'_>, shape: Shape, moving: &[usize]) {
         let name = match moving {
-            [joint] => format!("{}-{}", shape.name(), limits.name(*joint)),
+            // Names of joints may hold what ends a folder's name.
+            [joint] => format!("{}-{}", shape.name(), limits.name(*joint).replace(['/', '\\'], "_")),
             _ => format!("{}-all", shape.name()),
         };
         let mut scale = 1.0;

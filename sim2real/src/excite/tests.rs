@@ -132,3 +132,18 @@ fn links_that_may_overlap_are_kept_apart() {
     let overlaps = |fault: &Option<String>| fault.as_ref().is_some_and(|why| why.contains("overlap"));
     assert!(overlaps(&inward) != overlaps(&outward), "{inward:?} {outward:?}");
 }
+
+#[test]
+fn joints_that_cannot_move_are_left_out_and_named() {
+    let mut robot = robot("nimbro_op2x_small");
+    let fixed = robot.policy[0];
+    let joint = robot.dofs[fixed];
+    let nominal = robot.joints[joint].nominal;
+    robot.joints[joint].limits = (nominal - 1e-9, nominal + 1e-9);
+    let name = robot.joints[joint].name.clone();
+    let plan = Plan::new(&robot);
+    let left_out = |note: &String| note.starts_with(&format!("{name} is left out"));
+    assert!(plan.notes.iter().any(left_out), "{:?}", plan.notes);
+    let moves = |motion: &Motion| motion.information.iter().any(|own| own.joint == name);
+    assert!(!plan.motions.iter().any(moves) && !plan.motions.is_empty());
+}

@@ -339,7 +339,49 @@ pub fn student_tail(t: f64, freedom: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cut::Lengths;
+    use super::super::hinge::{robot, swings};
     use super::*;
+
+    #[test]
+    fn steps_that_lead_uphill_give_way_to_the_weakest_that_does_not() {
+        let robot = robot("kp = 30.0\nkd = 1.0\n");
+        let data = swings(
+            &robot,
+            3,
+            Lengths {
+                block: 1.0,
+                piece: 60.0,
+            },
+        );
+        let folds = Folds::new(&data);
+        let scales = Scales::new(&robot, &data.trials);
+        let near = Model::nominal(&robot, &data.trials);
+        let fit = data.fit(&near, &scales, &|_| true);
+        let mut far = fit.model.clone();
+        far.tuned[0].value *= 0.02;
+        let [as_fitted, uphill] =
+            [&fit.model, &far].map(|model| data.cells(std::slice::from_ref(model)).swap_remove(0));
+        let mut losses = vec![as_fitted.clone(); folds.count * DAMPINGS.len()];
+        losses[DAMPINGS.len()..2 * DAMPINGS.len()].fill(uphill.clone());
+        // One that does not is enough.
+        losses[3 * DAMPINGS.len()] = uphill.clone();
+        let before = losses.clone();
+        let stronger = |fold: usize| {
+            assert_eq!(fold, 1);
+            vec![far.clone(), fit.model.clone(), near.clone()]
+        };
+        folds.mend_uphill(&data, &fit, &mut losses, &stronger);
+        let squares = |losses: &[Vec<Loss>]| losses.iter().map(|own| total(own)).collect::<Vec<_>>();
+        let mut expected = squares(&before);
+        expected[DAMPINGS.len()..2 * DAMPINGS.len()].fill(total(&as_fitted));
+        assert!(total(&uphill) > 2.0 * total(&as_fitted));
+        assert_eq!(squares(&losses), expected);
+        // Where all lead uphill, the strongest.
+        losses.clone_from(&before);
+        folds.mend_uphill(&data, &fit, &mut losses, &|_| vec![far.clone(); STRONGER.len()]);
+        assert_eq!(squares(&losses), squares(&before));
+    }
 
     #[test]
     fn tails_are_those_of_the_tables() {

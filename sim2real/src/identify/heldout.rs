@@ -4,7 +4,7 @@ use omniwalk_env::robot::Robot;
 
 use super::trial::Trial;
 use super::{IdentifyError, Open, split};
-use crate::check::{Check, Fault};
+use crate::check::Check;
 use crate::recording::Recording;
 
 /// What can be compared of the logs that are held out.
@@ -28,10 +28,10 @@ impl Heldout {
     }
 }
 
-/// Opens the logs that are held out of `robot`; `log` hears of what is wrong with them.
-pub fn opened(robot: &Robot, open: Open<'_>, log: &dyn Fn(&str)) -> Heldout {
+/// Opens the logs of `robot` that are held out, beside those that were `fitted`; `log` hears of what is wrong with them.
+pub fn opened(robot: &Robot, fitted: &[Recording], open: Open<'_>, log: &dyn Fn(&str)) -> Heldout {
     let mut heldout = Heldout::default();
-    match pieces(robot, open, &mut heldout.left_out) {
+    match pieces(robot, fitted, open, &mut heldout.left_out) {
         Ok(trials) if trials.is_empty() => heldout.error = Some("no held-out log can be compared".into()),
         Ok(trials) => heldout.trials = trials,
         Err(error) => heldout.error = Some(format!("the held-out logs cannot be compared: {error}")),
@@ -43,10 +43,15 @@ pub fn opened(robot: &Robot, open: Open<'_>, log: &dyn Fn(&str)) -> Heldout {
     heldout
 }
 
-fn pieces(robot: &Robot, open: Open<'_>, left_out: &mut Vec<String>) -> Result<Vec<Trial>, IdentifyError> {
+fn pieces(
+    robot: &Robot,
+    fitted: &[Recording],
+    open: Open<'_>,
+    left_out: &mut Vec<String>,
+) -> Result<Vec<Trial>, IdentifyError> {
     let mut kept = Vec::new();
     for recording in open()? {
-        match wrong(&recording, robot) {
+        match fitted_too(&recording, fitted).or_else(|| wrong(&recording, robot)) {
             Some(reason) => left_out.push(reason),
             None => kept.push(recording),
         }
@@ -54,11 +59,26 @@ fn pieces(robot: &Robot, open: Open<'_>, left_out: &mut Vec<String>) -> Result<V
     split::agreed(robot, split::all(robot, &kept)?)
 }
 
-/// What makes any error on `recording` unfounded; that it is short or moves little does not.
+/// That the readings of `recording` are among those that were `fitted`, if so: its error would say nothing.
+fn fitted_too(recording: &Recording, fitted: &[Recording]) -> Option<String> {
+    let positions = |log: &Recording| {
+        log.joints
+            .iter()
+            .map(|joint| joint.position.clone())
+            .collect::<Vec<_>>()
+    };
+    let own = positions(recording);
+    let same = fitted.iter().find(|log| positions(log) == own)?;
+    Some(format!(
+        "{}: its readings are those of {}, which was fitted: a copy is not held out",
+        recording.name, same.name
+    ))
+}
+
+/// What makes any error on `recording` unfounded.
 fn wrong(recording: &Recording, robot: &Robot) -> Option<String> {
     let check = Check::new(std::slice::from_ref(recording), robot);
-    let little = [Fault::TooShort, Fault::NoExcitation];
-    let finding = check.refusals.iter().find(|finding| !little.contains(&finding.fault))?;
+    let finding = check.unfounded().next()?;
     Some(match &finding.log {
         Some(_) => finding.to_string(),
         None => format!("{}: {finding}", recording.name),

@@ -67,6 +67,7 @@ pub fn find(
     };
     selector.drop_doubtful(&mut selection);
     selector.prefer_tables(&mut selection, &|selection| leftover::open(&data, selection, &floor));
+    selector.keep_untold(&mut selection);
     let all_at_once = search.compare.then(|| selector.all_at_once(&selection.refit.model));
     let left = leftover::leftover(&selector, &selection, &floor)?;
     let intervals = interval::intervals(&selector, &selection.last);
@@ -238,7 +239,7 @@ impl Way<'_> {
         }
         data.typical = data.typical_under(tuned);
         (self.log)(&format!(
-            "re-tuned; the floor is {:.2} of what that leaves; {} physics steps a ms",
+            "re-tuned; the floor is {:.2} of what that leaves; physics steps a ms: {}",
             floor.root() / leftover::root(data, tuned),
             data.finer
         ));

@@ -24,6 +24,8 @@ mod fit;
 mod floor;
 mod found;
 mod heldout;
+#[cfg(test)]
+mod hinge;
 mod information;
 mod interval;
 mod lacking;
@@ -57,7 +59,7 @@ mod write;
 pub use information::Information;
 pub use lacking::{Lacking, Predicted};
 pub use measure::{Errors, Measure};
-pub use report::{Accepted, Alternative, Outcome, Parameter, Rejected, Sets, Verdict};
+pub use report::{Accepted, Alternative, MeasuredTable, Outcome, Parameter, Rejected, Sets, Verdict};
 pub use scales::{JointScale, Scales};
 pub use separate::Separation;
 pub use shown::{Confused, shown};
@@ -190,7 +192,7 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     (corrected.base, corrected.base_pose) = (robot.base, robot.base_pose);
     // The last choice is made: what was held out may be opened.
     let heldout = match task.heldout {
-        Some(open) => heldout::opened(robot, open, log),
+        Some(open) => heldout::opened(robot, &task.logs, open, log),
         None => Heldout::of(split::agreed(robot, split.heldout.clone())?),
     };
     let parts = outcome::Parts {
@@ -201,7 +203,10 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
         split: &split,
         check: &check,
     };
-    outcome::outcome(parts, heldout)
+    let mut outcome = outcome::outcome(parts, heldout)?;
+    let far = outcome.check.far_off(&outcome.nominal.fit.rmse.0);
+    far.into_iter().for_each(|finding| log(&format!("note: {finding}")));
+    Ok(outcome)
 }
 
 /// Errors of every effect at once, fitted to `logs`, there and on `heldout`: what identification is compared with, without it.

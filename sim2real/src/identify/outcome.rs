@@ -12,7 +12,8 @@ use super::measure::{Measure, measure_each};
 use super::model::Model;
 use super::motion;
 use super::report::{
-    Accepted, Alternative, JointGap, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained, Verdict,
+    Accepted, Alternative, JointGap, MeasuredTable, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained,
+    Verdict,
 };
 use super::split::Split;
 use super::trial::{Trial, TrialError};
@@ -90,7 +91,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
     let rejected = found.rejected.iter().map(|r| Rejected {
         effect: r.kind.id(),
         target: target(robot, r.kind, r.target),
-        reason: r.reason.clone(),
+        reason: reason(&parts, r),
     });
     Ok(Outcome {
         robot: robot.name.clone(),
@@ -112,6 +113,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
         alternatives: found.alike.iter().map(|alike| alternatives(&parts, alike)).collect(),
         separation: found.separations.clone(),
         unexplained: unexplained(&parts),
+        tables: tables(&parts),
         retuned: retuned(&parts),
         heldout: [vec![split.note.clone()], left_out].concat().join("; left out: "),
         folds: found.folds.clone(),
@@ -265,20 +267,44 @@ fn alternatives(parts: &Parts<'_>, alike: &super::select::Alike) -> Vec<Alternat
     chosen.into_iter().chain(others).collect()
 }
 
+/// What the nominal model has as it was written: with the effects, or beside a table.
 fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Parameter>> {
     let mut out: BTreeMap<String, BTreeMap<&'static str, Parameter>> = BTreeMap::new();
-    for (tuned, &half) in parts.found.last.tuned.iter().zip(&parts.found.intervals) {
+    let written = &parts.found.left.model;
+    for (tuned, &half) in written.tuned.iter().zip(&parts.found.intervals) {
         let joint = parts.robot.dof(tuned.dof);
+        let tabled = written.has(Kind::ResidualTorque, tuned.dof);
         let value = Parameter {
             value: tuned.value,
             unit: tuned.own.scale().unit(joint.kind == JointKind::Prismatic),
-            ci95: interval(tuned.value, half),
+            ci95: interval(tuned.value, half).filter(|_| !tabled),
         };
         out.entry(joint.name.clone())
             .or_default()
             .insert(tuned.own.key(), value);
     }
     out
+}
+
+fn tables(parts: &Parts<'_>) -> Vec<MeasuredTable> {
+    let terms = parts.found.left.model.terms.iter();
+    let tables = terms.filter_map(|term| Some((term, term.table.as_ref()?)));
+    let said = tables.map(|(term, table)| MeasuredTable {
+        joint: parts.robot.dof(term.target).name.clone(),
+        over: table.axes[0].0.name(),
+        friction: table.friction,
+        points: table.axes[0].1.len(),
+    });
+    said.collect()
+}
+
+/// Why an effect was not taken; of one that stands in a set with one that was, that they cannot be told apart.
+fn reason(parts: &Parts<'_>, rejected: &super::select::Rejected) -> String {
+    let own = (rejected.kind, rejected.target);
+    match parts.found.alike.iter().find(|alike| alike.others.contains(&own)) {
+        Some(alike) => format!("predicts as well as {}: they cannot be told apart", alike.chosen.0.id()),
+        None => rejected.reason.clone(),
+    }
 }
 
 fn unexplained(parts: &Parts<'_>) -> Unexplained {

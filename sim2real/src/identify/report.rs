@@ -48,7 +48,10 @@ impl fmt::Display for Parameter {
         } else {
             0.0
         } as usize;
-        write!(f, "{:.digits$} {}", self.value, self.unit)?;
+        write!(f, "{:.digits$}", self.value)?;
+        if self.unit != "1" {
+            write!(f, " {}", self.unit)?;
+        }
         match self.ci95 {
             Some([low, high]) => write!(f, " ({low:.digits$} to {high:.digits$})"),
             None => Ok(()),
@@ -124,6 +127,30 @@ pub struct JointGap {
     pub gap_closed: Option<f64>,
 }
 
+/// A measured table that stands in the robot for what no effect explains.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeasuredTable {
+    /// The joint.
+    pub joint: String,
+    /// What it is over.
+    pub over: &'static str,
+    /// Whether it is a dry friction, against the motion, or a torque.
+    pub friction: bool,
+    /// Its points.
+    pub points: usize,
+}
+
+impl fmt::Display for MeasuredTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = if self.friction { "dry friction" } else { "torque" };
+        write!(
+            f,
+            "a measured table of {what} over {} at {} points, on {}",
+            self.over, self.points, self.joint
+        )
+    }
+}
+
 /// What is left.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Unexplained {
@@ -176,7 +203,9 @@ pub struct Outcome {
     pub separation: Vec<Separation>,
     /// What is left.
     pub unexplained: Unexplained,
-    /// Re-tuned parameters of the nominal model, by joint and key.
+    /// Measured tables in the robot that was written.
+    pub tables: Vec<MeasuredTable>,
+    /// Re-tuned parameters of the nominal model as they were written, by joint and key; beside a table without intervals.
     pub retuned: BTreeMap<String, BTreeMap<&'static str, Parameter>>,
     /// Which logs were held out.
     pub heldout: String,
@@ -222,6 +251,7 @@ impl Outcome {
             alternatives: Vec::new(),
             separation: Vec::new(),
             unexplained: Unexplained::default(),
+            tables: Vec::new(),
             retuned: BTreeMap::new(),
             heldout: String::new(),
             folds: String::new(),

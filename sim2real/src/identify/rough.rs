@@ -38,42 +38,15 @@ impl Data {
 #[cfg(test)]
 mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
-    use omniwalk_env::robot::load;
 
     use super::super::base::MeasuredBase;
-    use super::super::cut::{self, Lengths};
-    use super::super::trial::Trial;
+    use super::super::cut::Lengths;
+    use super::super::hinge::{robot, swings};
     use super::*;
-    use crate::recording::{JointRecord, Recording, Series};
-
-    const URDF: &str = r#"<robot name="arm"><link name="base"/>
-<link name="arm"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="8"/></joint></robot>"#;
 
     #[test]
     fn rough_data_of_a_robot_that_walks_are_stretches_spread_over_all_its_logs() {
-        let folder = tempfile::tempdir().expect("a folder");
-        std::fs::write(folder.path().join("arm.urdf"), URDF).expect("written");
-        std::fs::write(folder.path().join("robot.toml"), "base = \"fixed\"\n").expect("written");
-        let robot = load(folder.path()).expect("a robot");
-        let time: Vec<f64> = (0..1600).map(|k| f64::from(k) * 5e-3).collect();
-        let value = time.iter().map(|t| (3.0 * t).sin()).collect();
-        let series = Series { time, value };
-        let hinge = JointRecord {
-            name: "hinge".into(),
-            command: series.clone(),
-            position: series,
-            ..JointRecord::default()
-        };
-        let log = Recording {
-            name: "log".into(),
-            joints: vec![hinge],
-            ..Recording::default()
-        };
-        let lengths = Lengths { block: 0.1, piece: 0.1 };
-        let cut = |index| cut::cut(&robot, &log, index, (0.0, f64::INFINITY), lengths).expect("trials");
-        let trials: Vec<Trial> = (0..2).flat_map(cut).collect();
-        let held = Data::new(&robot, trials).expect("data");
+        let held = swings(&robot(""), 2, Lengths { block: 0.1, piece: 0.1 });
         assert_eq!(held.rough().trials.len(), held.trials.len());
         let mut free = held;
         for trial in Arc::make_mut(&mut free.trials) {

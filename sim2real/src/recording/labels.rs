@@ -20,7 +20,11 @@ pub(super) fn label(
     let field = |key: &str| {
         fields.get(key).ok_or_else(|| {
             let known: Vec<&str> = fields.keys().take(100).map(String::as_str).collect();
-            let help = format!("its header has the fields {}", known.join(", "));
+            let help = if known.is_empty() {
+                "it has no header with fields: in CSV those are lines `# key: value` above the names".to_owned()
+            } else {
+                format!("its header has the fields {}", known.join(", "))
+            };
             content(path, "the header", format!("there is no field `{key}`"), &help)
         })
     };

@@ -110,7 +110,7 @@ pub(super) enum Label {
 #[derive(Debug, Deserialize)]
 #[serde(
     untagged,
-    expecting = "an override is a number, { field = \"...\" } or { column = \"...\" }, the latter two perhaps with scale and offset"
+    expecting = "an override is a number, { field = \"...\" } or { column = \"...\" }, the latter two perhaps with scale and offset; a key with dots stands in quotes: \"payload.mass\" = 0.2"
 )]
 pub(super) enum Number {
     Constant(f64),

@@ -172,6 +172,18 @@ impl Gathered {
             joint.enabled = self.enabled_series(&joint.name, enabled)?;
             recording.joints.push(joint);
         }
+        for (name, rows) in self.enabled.joints.iter().filter(|(name, _)| !name.is_empty()) {
+            if recording.joint(name).is_none() {
+                recording.notes.push(format!(
+                    "{ENABLED} names `{name}`, of which there is nothing else; not used"
+                ));
+            }
+            if rows.position.iter().any(|value| *value != 0.0 && *value != 1.0) {
+                recording.notes.push(format!(
+                    "{ENABLED} of `{name}` has values that are neither 0 nor 1: more than 0 is on"
+                ));
+            }
+        }
         if !imu.is_empty() {
             recording.imu = Some(self.imu_record(imu)?);
         }
@@ -197,6 +209,7 @@ impl Gathered {
         if let Some(rows) = self.states.joints.get(&name) {
             let fresh = rows.fresh();
             joint.repeated = fresh.iter().filter(|fresh| !**fresh).count();
+            joint.missing = rows.position.iter().filter(|position| !position.is_finite()).count();
             joint.position = self.series(STATES, states, rows, &rows.position, Some(&fresh))?;
             joint.velocity = self.series(STATES, states, rows, &rows.velocity, Some(&fresh))?;
             joint.effort = self.series(STATES, states, rows, &rows.effort, Some(&fresh))?;

@@ -1,7 +1,7 @@
 //! Logs as identification sees them: what each joint was told and what it did, each quantity on its own clock.
 //!
 //! Samples are what was measured: nothing is interpolated or filtered. Rows that repeat an earlier reading because
-//! nothing new had arrived are left out and counted.
+//! nothing new had arrived are left out and counted, and so are single readings that no joint took.
 
 mod clock;
 mod columns;
@@ -11,6 +11,7 @@ mod json;
 mod labels;
 mod map;
 mod mcap;
+mod outliers;
 pub(crate) mod overrides;
 mod pause;
 mod repeats;
@@ -114,6 +115,10 @@ pub struct JointRecord {
     pub extra: BTreeMap<String, Series>,
     /// Readings that were left out because they repeat the one before while the joint was moving.
     pub repeated: usize,
+    /// Readings of the position that were left out because no joint took them: far off both neighbours, and back.
+    pub outliers: usize,
+    /// Rows or messages that have this joint, and no number as its position.
+    pub missing: usize,
 }
 
 /// Readings of an inertial measurement unit, in its own frame.
@@ -180,15 +185,19 @@ pub struct Recording {
 /// [`RecordingError`] for a file that cannot be read or holds what it should not, with the place.
 pub fn read(path: &Path, map: Option<&Map>) -> Result<Vec<Recording>, RecordingError> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    match (format(path, map)?, map) {
-        (Format::Mcap, map) => mcap::read(path, name, map).map(|recording| vec![recording]),
-        (Format::Csv, Some(map)) => rows::recordings(path, &name, map, &csv::read(path, map)?),
-        (Format::Json, Some(map)) => rows::recordings(path, &name, map, &json::read(path, map)?),
+    let mut recordings = match (format(path, map)?, map) {
+        (Format::Mcap, map) => vec![mcap::read(path, name, map)?],
+        (Format::Csv, Some(map)) => rows::recordings(path, &name, map, &csv::read(path, map)?)?,
+        (Format::Json, Some(map)) => rows::recordings(path, &name, map, &json::read(path, map)?)?,
         (_, None) => {
             let help = "give a column map with --map that says what its columns mean; there are examples in docs/maps";
-            Err(content(path, "the file", "it is no MCAP file".into(), help))
+            return Err(content(path, "the file", "it is no MCAP file".into(), help));
         }
+    };
+    for joint in recordings.iter_mut().flat_map(|recording| &mut recording.joints) {
+        joint.outliers = outliers::take_out(&mut joint.position);
     }
+    Ok(recordings)
 }
 
 /// What kind of file is at `path`.

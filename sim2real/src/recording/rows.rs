@@ -159,6 +159,10 @@ impl Segment<'_> {
                 .map(|(key, column)| (key.clone(), self.series(clock, column, name, None)))
                 .collect(),
             repeated: fresh.iter().filter(|fresh| !**fresh).count(),
+            outliers: 0,
+            missing: position.map_or(0, |position| {
+                position.iter().filter(|position| !position.is_finite()).count()
+            }),
         }
     }
 

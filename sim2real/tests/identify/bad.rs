@@ -53,7 +53,7 @@ fn late(logs: &mut [Recording], seconds: f64) {
 
 #[test]
 fn logs_that_carry_no_answer_get_none() {
-    let spoils: [(&str, Spoil); 23] = [
+    let spoils: [(&str, Spoil); 25] = [
         ("half a second", |logs| cut(logs, 0.5)),
         ("two seconds", |logs| cut(logs, 2.0)),
         ("two readings", |logs| cut(logs, 0.012)),
@@ -90,6 +90,17 @@ fn logs_that_carry_no_answer_get_none() {
         ("a second late", |logs| {
             let late = |log: &mut Recording| log.joints[0].position.time.iter_mut().for_each(|t| *t += 1.0);
             logs.iter_mut().for_each(late);
+        }),
+        ("four tenths of a second late", |logs| {
+            let late = |log: &mut Recording| log.joints[0].position.time.iter_mut().for_each(|t| *t += 0.4);
+            logs.iter_mut().for_each(late);
+        }),
+        ("commands in the place of readings", |logs| {
+            for log in logs {
+                let joint = &mut log.joints[0];
+                joint.position.time.iter_mut().for_each(|t| *t += 0.1);
+                std::mem::swap(&mut joint.command, &mut joint.position);
+            }
         }),
         ("stuck from a second on", |logs| {
             for log in logs {

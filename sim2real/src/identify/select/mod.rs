@@ -12,6 +12,7 @@ mod settle;
 mod step;
 mod tables;
 mod together;
+mod untold;
 mod worth;
 
 pub use tables::Tabled;

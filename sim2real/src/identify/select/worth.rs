@@ -174,3 +174,52 @@ fn sticking(robot: &Robot, dof: usize) -> f64 {
 pub fn is_above(loss: f64, floor: f64, negligible: f64) -> bool {
     loss > ABOVE_FLOOR * floor && loss > floor + negligible
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::cross::Folds;
+    use super::super::super::cut::Lengths;
+    use super::super::super::floor::Floor;
+    use super::super::super::hinge::{robot, swings};
+    use super::super::super::model::Model;
+    use super::super::super::scales::Scales;
+    use super::*;
+
+    #[test]
+    fn a_hold_is_where_a_joint_sticks_elsewhere_and_nowhere_else() {
+        // Dry friction holds it within 0.01 rad of its target.
+        let robot = robot("kp = 30.0\nkd = 1.0\nfriction = 0.3\n");
+        let data = swings(
+            &robot,
+            2,
+            Lengths {
+                block: 0.5,
+                piece: 60.0,
+            },
+        );
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let floor = Floor::new(&data, &Model::default(), &scales).expect("a floor");
+        let selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        // Off by this in three blocks, or in others by less.
+        let losses = |off: f64| {
+            let own = |block: usize| match block {
+                20..23 => off,
+                _ => 1e-4,
+            };
+            let loss = |block: usize| Loss {
+                squares: 100.0 * own(block) * own(block),
+                count: 100.0,
+            };
+            (0..data.blocks).map(loss).collect::<Vec<_>>()
+        };
+        let good = losses(1e-4);
+        assert_eq!(selector.hold(&losses(0.015), &good), Some(20..23));
+        assert_eq!(
+            selector.hold(&losses(0.025), &good),
+            None,
+            "farther off than it can stick"
+        );
+        let last_of_first = block_logs(&data).iter().filter(|log| **log == 0).count();
+        assert!(last_of_first < 20, "the hold is one of the second log");
+    }
+}
