@@ -36,6 +36,13 @@ pub fn run(args: &Args) -> miette::Result<()> {
         }
         .into());
     }
+    if args.out.exists() && !args.out.is_dir() {
+        return Err(miette!(
+            help = "give a folder with --out",
+            "{} is no folder",
+            args.out.display()
+        ));
+    }
     // What another robot may do is not left beside it.
     if args.out.join("motions.json").exists() {
         return Err(miette!(
@@ -48,13 +55,13 @@ pub fn run(args: &Args) -> miette::Result<()> {
     tell("simulating what the motions show of every effect");
     plan.examine(&robot)?;
     write(&plan, &robot, &args.out)?;
-    say("motion                          joints  reversals  speed  slow   jump  inertia  load")?;
+    say("motion                          joints  reversals  speed  slow  jump (rad, m)  inertia  load")?;
     for motion in &plan.motions {
         let joints = &motion.information;
         let largest =
             |value: fn(&omniwalk_sim2real::excite::Information) -> f64| joints.iter().map(value).fold(0.0, f64::max);
         say(format_args!(
-            "{:<32} {:>5} {:>10} {:>5.0} % {:>3.0} % {:>6.3} {:>6.0} % {:>3.0} %",
+            "{:<32} {:>5} {:>10} {:>5.0} % {:>3.0} % {:>13.3} {:>6.0} % {:>3.0} %",
             motion.name,
             joints.len(),
             joints.iter().map(|joint| joint.reversals).max().unwrap_or(0),

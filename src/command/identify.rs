@@ -13,6 +13,8 @@ use crate::terminal::{OutputError, say, tell};
 
 /// Held-out errors that are so many times those of the logs that were fitted are remarked.
 const FAR_OFF: f64 = 3.0;
+/// So many re-tuned values are listed; the report has all.
+const RETUNED: usize = 14;
 
 /// Finds the physical effect that the robot's model lacks, and writes the robot with it.
 ///
@@ -56,7 +58,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         pool.build_global().into_diagnostic()?;
     }
     apart(&args.logs, &args.heldout)?;
-    if args.out.join("report.json").exists() {
+    if holds_result(&args.out.join("report.json")) {
         return Err(miette!(
             help = "give another folder with --out, or remove this one",
             "{} holds the result of another identification",
@@ -86,8 +88,18 @@ pub fn run(args: &Args) -> miette::Result<()> {
     load::write(&args.out.join("report.json"), &json)?;
     load::write(&args.out.join("report.html"), &identification::page(&outcome)?)?;
     if outcome.verdict == Verdict::InsufficientData {
-        let reasons = outcome.reasons.join("\n");
-        return Err(miette!(help = reasons, "these logs cannot carry an answer"));
+        let own = outcome.reasons.iter().map(String::as_str);
+        // What the check refused stands above.
+        let refused: Vec<String> = outcome.check.refusals.iter().map(ToString::to_string).collect();
+        let own: Vec<&str> = own
+            .filter(|reason| !refused.iter().any(|known| known == reason))
+            .collect();
+        let help = if own.is_empty() {
+            "what is refused above says what is missing, and what would be right".to_owned()
+        } else {
+            own.join("\n")
+        };
+        return Err(miette!(help = help, "these logs cannot carry an answer"));
     }
     summary(&outcome, &args.out)?;
     match &outcome.heldout_error {
@@ -97,6 +109,15 @@ pub fn run(args: &Args) -> miette::Result<()> {
         )),
         None => Ok(()),
     }
+}
+
+/// Whether the report at `path` is a result; that logs could not carry one is none.
+fn holds_result(path: &Path) -> bool {
+    let Ok(text) = std::fs::read_to_string(path) else {
+        return path.exists();
+    };
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+    report["verdict"] != serde_json::json!(Verdict::InsufficientData)
 }
 
 /// Whether every log is there and none is given twice: what was fitted says nothing of what was not.
@@ -161,6 +182,20 @@ fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
             &over
         };
         say(format_args!("  {share:.0} % of what is left is structure, over {over}"))?;
+    }
+    for table in &outcome.tables {
+        say(format_args!("  in the robot that was written, {table}"))?;
+    }
+    let retuned = || {
+        outcome
+            .retuned
+            .iter()
+            .flat_map(|(joint, own)| own.iter().map(move |(key, value)| (joint, key, value)))
+    };
+    if retuned().count() <= RETUNED {
+        for (joint, key, value) in retuned() {
+            say(format_args!("  re-tuned: {key} of {joint} = {value}"))?;
+        }
     }
     say(format_args!(
         "position error, rms:  nominal {}  re-tuned {}  final {}  on held-out logs ({})",

@@ -85,6 +85,37 @@ pub fn recordings(paths: &[PathBuf], map: Option<&Map>) -> Result<Vec<Recording>
     Ok(all)
 }
 
+/// Whether each of `outputs` may be written: it replaces none of the `inputs` nor another of them, and no folder or device.
+pub fn writable(outputs: &[&Path], inputs: &[&Path]) -> miette::Result<()> {
+    let place = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path));
+    let read: Vec<PathBuf> = inputs.iter().filter_map(|path| fs::canonicalize(path).ok()).collect();
+    let mut written: Vec<PathBuf> = Vec::new();
+    for output in outputs {
+        let own = place(output)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot write {}", output.display()))?;
+        let why = if read
+            .iter()
+            .any(|input| own == *input || input.is_dir() && own.starts_with(input))
+        {
+            "would be written over, or into, what is read"
+        } else if written.contains(&own) {
+            "is given for two results"
+        } else if own.exists() && !own.is_file() {
+            "is no file"
+        } else {
+            written.push(own);
+            continue;
+        };
+        return Err(miette!(
+            help = "give a file of its own for each result",
+            "{} {why}",
+            output.display()
+        ));
+    }
+    Ok(())
+}
+
 /// Writes a file as a whole or not at all.
 pub fn write(path: &Path, text: &str) -> miette::Result<()> {
     write_atomic(path, text.as_bytes())

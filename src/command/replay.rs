@@ -40,6 +40,12 @@ pub struct Args {
 /// # Errors
 /// Whatever is wrong with logs, map or robot.
 pub fn run(args: &Args) -> miette::Result<()> {
+    let inputs = args.logs.iter().chain(&args.map).chain([&args.robot]);
+    let outputs = args.json.iter().chain(&args.html);
+    load::writable(
+        &outputs.map(PathBuf::as_path).collect::<Vec<_>>(),
+        &inputs.map(PathBuf::as_path).collect::<Vec<_>>(),
+    )?;
     let robot = load::held(&args.robot, args.stand)?;
     let map = args.map.as_deref().map(recording::Map::load).transpose()?;
     let recordings = load::recordings(&args.logs, map.as_ref())?;
@@ -94,6 +100,12 @@ pub fn run(args: &Args) -> miette::Result<()> {
     }
     if let Some(file) = &args.html {
         load::write(file, &identification::replay(&robot.name, &replayed)?)?;
+    }
+    if check.unfounded().next().is_some() {
+        return Err(miette!(
+            help = "what is refused above says what is wrong with which log, and what would be right",
+            "these logs are not what they should be: the errors say nothing of the simulation"
+        ));
     }
     Ok(())
 }

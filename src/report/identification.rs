@@ -310,6 +310,13 @@ fn left(outcome: &Outcome, out: &mut String) {
             escaped(over)
         );
     }
+    for table in &outcome.tables {
+        let _ = writeln!(
+            out,
+            "<p>In the robot that was written: {}.</p>",
+            escaped(&table.to_string())
+        );
+    }
     *out += "<table><tr><th>joint</th><th>autocorrelation of what is left over 0.1 s</th></tr>\n";
     for (joint, value) in &outcome.unexplained.autocorrelation {
         row(out, joint, &[*value]);

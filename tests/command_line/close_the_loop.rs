@@ -172,3 +172,72 @@ fn motions_to_record_say_what_they_show_and_what_they_do_not() {
     assert!(shows("multisine-hinge", "command_delay") > 3.0 * shows("triangle-hinge", "command_delay"));
     assert!(shows("staircase-hinge", "stribeck_friction") > 1e-3);
 }
+
+#[test]
+fn results_of_a_replay_replace_nothing_that_was_read() {
+    let pendulum = robot("pendulum");
+    let replay = [
+        "replay",
+        "a.csv",
+        "--map",
+        "map.toml",
+        "--robot",
+        pendulum.to_str().unwrap(),
+    ];
+    for (results, part) in [
+        (&["--json", "./a.csv"][..], "a.csv would be written over"),
+        (&["--html", "map.toml"], "map.toml would be written over"),
+        (&["--html", "."], ". is no file"),
+        (&["--html", "both", "--json", "./both"], "is given for two results"),
+    ] {
+        refuses_in(prepare, &[&replay[..], results].concat(), &[part]);
+    }
+}
+
+#[test]
+fn logs_that_are_not_what_they_should_be_are_refused_by_replay_and_leave_room_for_the_next_try() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    prepare(folder);
+    let degrees = MAP.replace("column = \"q\"", "column = \"q\", scale = 57.3");
+    fs::write(folder.join("degrees.toml"), degrees).unwrap();
+    let pendulum = robot("pendulum");
+    let logs = |command: &'static str, map: &'static str| {
+        [
+            command,
+            "a.csv",
+            "b.csv",
+            "--map",
+            map,
+            "--robot",
+            pendulum.to_str().unwrap(),
+        ]
+    };
+    let replayed = omniwalk(folder, &logs("replay", "degrees.toml"));
+    let message = replayed.message();
+    assert!(
+        replayed.code == 2 && message.contains("degrees, not radians"),
+        "{message}"
+    );
+    let into = ["--heldout", "copy.csv", "--out", "found"];
+    fs::copy(folder.join("a.csv"), folder.join("copy.csv")).unwrap();
+    let identified = omniwalk(folder, &[&logs("identify", "degrees.toml")[..], &into].concat());
+    assert!(identified.code == 2 && folder.join("found/report.json").exists());
+    assert_eq!(
+        identified.message().matches("degrees, not radians").count(),
+        2,
+        "one for each kind"
+    );
+    // The same folder, with the right map; and a copy of what was fitted is not held out.
+    let identified = omniwalk(folder, &[&logs("identify", "map.toml")[..], &into].concat());
+    let message = identified.message();
+    assert!(
+        identified.code == 2 && message.contains("no held-out log can be compared"),
+        "{message}"
+    );
+    assert!(
+        message.contains("copy: its readings are those of a, which was fitted"),
+        "{message}"
+    );
+    assert!(folder.join("found/robot/robot.toml").exists());
+}
