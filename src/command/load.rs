@@ -94,11 +94,10 @@ pub fn writable(outputs: &[&Path], inputs: &[&Path]) -> miette::Result<()> {
         let own = place(output)
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot write {}", output.display()))?;
-        let why = if read
-            .iter()
-            .any(|input| own == *input || input.is_dir() && own.starts_with(input))
-        {
-            "would be written over, or into, what is read"
+        // Of a robot's folder, its URDF and TOML are read.
+        let of_robot = |input: &PathBuf| input.is_dir() && own.starts_with(input) && is_robot_file(&own);
+        let why = if read.iter().any(|input| *input == own || of_robot(input)) {
+            "would be written over what is read"
         } else if written.contains(&own) {
             "is given for two results"
         } else if own.exists() && !own.is_file() {
@@ -195,6 +194,10 @@ pub fn copy_robot(path: &Path, folder: &Path) -> miette::Result<()> {
     Ok(())
 }
 
+fn is_robot_file(file: &Path) -> bool {
+    matches!(file.extension().and_then(|e| e.to_str()), Some("urdf" | "toml"))
+}
+
 fn robot_files(path: &Path) -> miette::Result<Vec<PathBuf>> {
     if path.is_file() {
         let tomls = [path.with_extension("toml"), path.with_file_name("robot.toml")];
@@ -206,7 +209,7 @@ fn robot_files(path: &Path) -> miette::Result<Vec<PathBuf>> {
         .wrap_err_with(|| format!("cannot read {}", path.display()))?;
     let mut files: Vec<PathBuf> = entries
         .filter_map(|entry| entry.ok().map(|entry| entry.path()))
-        .filter(|file| matches!(file.extension().and_then(|e| e.to_str()), Some("urdf" | "toml")))
+        .filter(|file| is_robot_file(file))
         .collect();
     files.sort();
     Ok(files)

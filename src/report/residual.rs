@@ -2,6 +2,7 @@
 //! torque that the simulation lacks over everything it may depend on.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use omniwalk_sim2real::identify::{DT, Lacking, Moment, Trial};
 use plotters::style::RGBColor;
@@ -244,18 +245,44 @@ fn torques(lacking: &Lacking) -> Result<Vec<u8>, ReportError> {
     let below: Vec<String> = lacking
         .names
         .iter()
-        .map(|name| format!("over {}", name.replace('_', " ")))
+        .map(|name| format!("over {}, {}", name.replace('_', " "), unit(name)))
         .collect();
-    let panels = below.iter().enumerate().map(|(variable, below)| Panel {
-        title: "torque that is lacking, N m (N): mean of moments that move",
-        below,
-        lines: vec![
+    let panels = below.iter().enumerate().map(|(variable, below)| {
+        let lines = vec![
             mean(&lacking.moments, variable, "forward", true),
             mean(&lacking.moments, variable, "backward", false),
-        ],
-        ..Panel::default()
+        ];
+        Panel {
+            title: "torque that is lacking, N m (N): mean of moments that move",
+            below,
+            x: extent(&lines),
+            lines,
+            ..Panel::default()
+        }
     });
     stack(&panels.collect::<Vec<_>>())
+}
+
+/// Smallest and largest x of `lines`, where they differ: temperatures and voltages are far from zero.
+fn extent(lines: &[Line]) -> Option<Range<f64>> {
+    let all = lines.iter().flat_map(|line| line.points.iter().map(|point| point.0));
+    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(x), high.max(x))
+    });
+    (low < high).then_some(low..high)
+}
+
+/// Unit of a variable that torque may depend on; what else a log has is in its own.
+fn unit(name: &str) -> &'static str {
+    match name {
+        "position" | "target" => "rad (m)",
+        "velocity" => "rad/s (m/s)",
+        "acceleration" => "rad/s^2 (m/s^2)",
+        "torque" => "N m (N)",
+        "time" => "s",
+        "voltage" => "V",
+        _ => "in the log's unit",
+    }
 }
 
 /// Mean torque in bins of equally many moments.

@@ -176,6 +176,7 @@ fn motions_to_record_say_what_they_show_and_what_they_do_not() {
 #[test]
 fn results_of_a_replay_replace_nothing_that_was_read() {
     let pendulum = robot("pendulum");
+    let toml = pendulum.join("robot.toml").display().to_string();
     let replay = [
         "replay",
         "a.csv",
@@ -187,6 +188,7 @@ fn results_of_a_replay_replace_nothing_that_was_read() {
     for (results, part) in [
         (&["--json", "./a.csv"][..], "a.csv would be written over"),
         (&["--html", "map.toml"], "map.toml would be written over"),
+        (&["--html", &toml], "robot.toml would be written over"),
         (&["--html", "."], ". is no file"),
         (&["--html", "both", "--json", "./both"], "is given for two results"),
     ] {

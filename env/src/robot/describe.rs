@@ -78,6 +78,9 @@ fn write_joint(out: &mut String, robot: &Robot, joint: &Joint, policy: Option<us
         " {:>9.4} {:>8.3} {:>8.3}",
         passive.armature, passive.damping, passive.friction
     )?;
+    if let Some(actuator) = joint.actuator.filter(|actuator| actuator.kp_scale != 1.0) {
+        write!(out, "  kp x {:.3}", actuator.kp_scale)?;
+    }
     if let Some(mimic) = joint.mimic {
         write!(out, "  {} x {}", mimic.multiplier, robot.joints[mimic.joint].name)?;
         if mimic.offset != 0.0 {

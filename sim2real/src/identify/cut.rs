@@ -166,7 +166,10 @@ impl Source<'_> {
                 .iter()
                 .map(move |(name, series)| (Some(d), name.clone(), series))
         });
-        let supply = (!recording.voltage.is_empty()).then(|| (None, "voltage".to_owned(), &recording.voltage));
+        // A joint that measures its own says more.
+        let measured = joints.iter().any(|joint| joint.extra.contains_key("voltage"));
+        let supply =
+            (!recording.voltage.is_empty() && !measured).then(|| (None, "voltage".to_owned(), &recording.voltage));
         let conditions = own.chain(supply).filter(|(_, _, series)| !series.is_empty());
         Trial {
             name: recording.name.clone(),

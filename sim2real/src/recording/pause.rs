@@ -25,8 +25,8 @@ pub struct Jump {
 
 impl Jump {
     /// What to do about it.
-    pub const HELP: &str =
-        "split the log there, or name a `segment` column in the map; set the clock before recording, not meanwhile";
+    pub const HELP: &str = "split the log there, or name a `segment` column in the map; set the clock before recording, not meanwhile; if readings came \
+         faster than that throughout, the time's unit is another";
 }
 
 impl<T> Samples<T> {
