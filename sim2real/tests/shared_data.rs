@@ -153,7 +153,10 @@ fn a_measured_servo_is_identified_and_what_is_left_is_said() {
     assert_eq!(outcome.verdict, Verdict::Unexplained);
     let [nominal, refit, last] = [&outcome.nominal, &outcome.refit, &outcome.last].map(|sets| sets.fit.overall());
     // What the logs do not tell is as in the nominal model, where that is worse by less than a thousandth.
-    assert!(refit < 0.2 * nominal && last < 1.001 * refit, "{nominal} {refit} {last}");
+    assert!(
+        refit < 0.2 * nominal && last < 1.001 * refit,
+        "{nominal} {refit} {last}"
+    );
     assert!(outcome.lacking[0].names.contains(&"temperature".to_owned()));
     assert!(load(&out.path().join("robot")).is_ok());
 }

@@ -2,7 +2,6 @@
 
 use omniwalk_env::robot::Joint;
 
-use super::channel::Channel;
 use super::findings::{At, Findings};
 use super::rules::{COMMANDED, LEAST_RANGE};
 use super::{Fault, JointCheck, LogCheck};
@@ -70,7 +69,7 @@ impl Findings {
     }
 
     fn saturated(&mut self, recording: &Recording, check: &JointCheck, joint: &Joint, at: At<'_>) {
-        let stop = recording.joint(&check.name).and_then(dead_stop);
+        let stop = recording.joint(&check.name).and_then(|record| dead_stop(record, check));
         let (lower, upper) = joint.limits;
         let is_limit = |value: f64| {
             [lower, upper]
@@ -140,14 +139,13 @@ impl Findings {
 
 /// The largest or smallest reading, where the joint stops dead at it again and again, whatever its command goes on to: a joint that sticks
 /// stops where its command turned, and one that its load holds up slows down before.
-fn dead_stop(record: &JointRecord) -> Option<f64> {
+fn dead_stop(record: &JointRecord, check: &JointCheck) -> Option<f64> {
     if record.command_kind != CommandKind::Position {
         return None;
     }
-    let channel = Channel::new(&record.position);
-    let [smallest, largest] = channel.range?;
-    let least = BEYOND * Channel::new(&record.command).width();
-    let step = SHOWN * channel.resolution.max(channel.noise);
+    let [smallest, largest] = check.position.range?;
+    let least = BEYOND * check.command.width();
+    let step = SHOWN * check.position.resolution.max(check.position.noise);
     [(largest, 1.0), (smallest, -1.0)]
         .into_iter()
         .find_map(|(bound, outward)| {
