@@ -23,6 +23,7 @@ mod descent;
 mod fit;
 mod floor;
 mod found;
+mod grid;
 mod heldout;
 #[cfg(test)]
 mod hinge;

@@ -3,7 +3,7 @@
 //! A weak, critically damped spring pulls each joint of the simulation along the measured motion. What it has to pull
 //! with, over time, is the torque the model lacks, slower than the spring's own time.
 
-use omniwalk_env::effect::{Table, Variable};
+use omniwalk_env::effect::Variable;
 use omniwalk_env::engine::EngineError;
 
 use super::fit::Data;
@@ -32,9 +32,6 @@ pub struct Moment {
     /// Values of [`names`].
     pub values: Vec<f64>,
 }
-
-/// Moments between two points of a table, as a share of what they were were they even, from which on a point is worth having.
-const SPARSE: f64 = 0.2;
 
 /// Index of the motor's torque among [`names`].
 pub const MOTOR_TORQUE: usize = 3;
@@ -296,7 +293,7 @@ fn slow(moments: &[Moment]) -> f64 {
 }
 
 /// Grid of a variable: quantiles of its values.
-fn knots(moments: &[Moment], variable: usize, points: usize) -> Vec<f64> {
+pub(super) fn knots(moments: &[Moment], variable: usize, points: usize) -> Vec<f64> {
     let mut values: Vec<f64> = moments.iter().map(|m| m.values[variable]).collect();
     values.sort_by(f64::total_cmp);
     let last = values.len() - 1;
@@ -351,44 +348,6 @@ pub fn simulated() -> impl Iterator<Item = (usize, Form)> {
     both.filter(|&(variable, form)| (Variable::ALL[variable], form) != (Variable::Velocity, Form::Friction))
 }
 
-/// A table of no torque with at most so many `points` over what the moments have of a variable that simulations know, as a torque or as dry
-/// friction; `None` where it is constant.
-pub fn empty_table(moments: &[Moment], (variable, form): (usize, Form), points: usize) -> Option<Table> {
-    let quantiles = knots(moments, variable, points);
-    let (first, last) = (*quantiles.first()?, *quantiles.last()?);
-    let steps = (quantiles.len() - 1).max(1) as f64;
-    // Half way to equal distances: much can be seldom.
-    let between = |(k, quantile): (usize, &f64)| 0.5 * (quantile + first + (last - first) * k as f64 / steps);
-    let grid: Vec<f64> = quantiles.iter().enumerate().map(between).collect();
-    let grid = without_sparse(grid, moments, variable, points);
-    (grid.len() > 1).then(|| Table {
-        values: vec![0.0; grid.len()],
-        axes: vec![(Variable::ALL[variable], grid)],
-        friction: form == Form::Friction,
-    })
-}
-
-/// A `grid` of so many `points` over a variable without those points that fewer moments than [`SPARSE`] of an even share part from the one
-/// before: what a few moments tell of a point of their own is noise.
-fn without_sparse(grid: Vec<f64>, moments: &[Moment], variable: usize, points: usize) -> Vec<f64> {
-    let mut values: Vec<f64> = moments.iter().map(|m| m.values[variable]).collect();
-    values.sort_by(f64::total_cmp);
-    let least = SPARSE * values.len() as f64 / points as f64;
-    let below = |x: f64| values.partition_point(|value| *value < x) as f64;
-    let mut kept: Vec<f64> = Vec::with_capacity(grid.len());
-    for (k, &x) in grid.iter().enumerate() {
-        let is_last = k + 1 == grid.len();
-        let sparse = kept.last().is_some_and(|before| below(x) - below(*before) < least);
-        if sparse && is_last && kept.len() > 1 {
-            kept.pop();
-        }
-        if !sparse || is_last {
-            kept.push(x);
-        }
-    }
-    kept
-}
-
 /// Autocorrelation of `values` at the first lag that is at least `lag` samples; near zero for noise.
 pub fn autocorrelation(values: &[f64], lag: usize) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
@@ -401,32 +360,6 @@ pub fn autocorrelation(values: &[f64], lag: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn tables_have_no_points_where_hardly_any_moments_are() {
-        let at = |value: f64| Moment {
-            log: 0,
-            block: 0,
-            torque: 0.0,
-            values: vec![value],
-        };
-        // Nearly all between 0 and 1; a few farther off.
-        let mut moments: Vec<Moment> = (0..1000).map(|k| at(f64::from(k) * 1e-3)).collect();
-        moments.extend((1..9).map(|k| at(1.0 + 0.25 * f64::from(k))));
-        let table = empty_table(&moments, (0, Form::Plain), 9).expect("a table");
-        let grid = &table.axes[0].1;
-        assert_eq!((grid.first(), grid.last()), (Some(&0.0), Some(&3.0)));
-        let between = |pair: &[f64]| {
-            moments
-                .iter()
-                .filter(|m| (pair[0]..pair[1]).contains(&m.values[0]))
-                .count()
-        };
-        assert!(grid.windows(2).all(|pair| between(pair) >= 20), "{grid:?}");
-        let even: Vec<Moment> = (0..1000).map(|k| at(f64::from(k) * 1e-3)).collect();
-        let table = empty_table(&even, (0, Form::Plain), 9).expect("a table");
-        assert_eq!(table.values.len(), 9);
-    }
 
     fn moments(torque: impl Fn(f64, f64) -> f64) -> Vec<Moment> {
         let at = |k: usize| {

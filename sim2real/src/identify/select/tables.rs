@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::super::descent::Descent;
 use super::super::fit::{Fit, Loss, total};
+use super::super::grid;
 use super::super::model::{Model, Term, joint_of};
 use super::super::torque::{self, Form, Moment};
 use super::{Selection, Selector};
@@ -66,7 +67,7 @@ impl Selector<'_> {
     pub(super) fn best_table(&self, fit: &Fit, dof: usize, moments: &[Moment], variables: &[Over]) -> Option<Tabled> {
         let rough = self.data.rough();
         let begin = |over: &Over| {
-            let table = torque::empty_table(moments, *over, POINTS)?;
+            let table = grid::empty_table(moments, *over, POINTS)?;
             let model = self.with_table(&fit.model, dof, table);
             Some((*over, Descent::begun(&rough, &model, self.scales)))
         };
@@ -101,7 +102,7 @@ impl Selector<'_> {
         let term = model.terms.last_mut()?;
         let (before, mut table) = (
             term.effect().table?,
-            torque::empty_table(moments, coarse.over, FINER * POINTS)?,
+            grid::empty_table(moments, coarse.over, FINER * POINTS)?,
         );
         let (_, grid) = &table.axes[0];
         term.values = grid.iter().map(|&x| before.torque(|_| x)).collect();
