@@ -28,30 +28,43 @@ const LIMIT_RECOVERY_SPEED: f64 = 2.0;
 /// Before the factorisation: the drives' impulses and their part of the diagonal.
 #[inline(always)]
 pub fn apply_drives<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work<L>) {
-    let dt = L::of(model.dt);
     for (d, drive) in group.drive.iter().enumerate() {
-        let (q, v) = (group.state.joint_position[d], group.state.joint_velocity[d]);
+        let state = (group.state.joint_position[d], group.state.joint_velocity[d]);
         let row = &mut work.rows[d];
-        let error = drive.target - dt.mul_add(v, q);
-        let torque = drive
-            .stiffness
-            .mul_add(error, drive.damping.neg_mul_add(v, drive.feed_forward));
-        row.wanted = dt * torque;
-        row.wanted_slope = dt * dt.mul_add(drive.stiffness, drive.damping);
-        row.drive_min = dt * drive.torque_min;
-        row.drive_max = dt * drive.torque_max;
-        let start = row.wanted.clamp(row.drive_min, row.drive_max);
-        let start = whole(drive, torque, start);
-        row.held = start;
-        row.held_slope = implicit(row, row.wanted_slope, L::zero());
-        row.drive_extra = L::zero();
-        row.friction_speed = dt * drive.friction;
-        let (lower, upper) = model.limits[d];
-        row.velocity_min = -allowed_speed(q - L::splat(lower), model.dt);
-        row.velocity_max = allowed_speed(L::splat(upper) - q, model.dt);
+        let start = begin_row(row, drive, state, model.limits[d], model.dt);
         work.change[model.root + d] += start;
         work.mass_matrix[model.rows[model.root + d].diagonal()] += row.held_slope;
     }
+}
+
+/// Fills what of a row does not depend on its response, at position and velocity `(q, v)` between the limits; returns the drive's impulse
+/// and leaves its part of the diagonal in `held_slope`.
+#[inline(always)]
+pub fn begin_row<L: Lane>(
+    row: &mut JointRow<L>,
+    drive: &JointDrive<L>,
+    (q, v): (L, L),
+    (lower, upper): (L::Scalar, L::Scalar),
+    step: f64,
+) -> L {
+    let dt = L::of(step);
+    let error = drive.target - dt.mul_add(v, q);
+    let torque = drive
+        .stiffness
+        .mul_add(error, drive.damping.neg_mul_add(v, drive.feed_forward));
+    row.wanted = dt * torque;
+    row.wanted_slope = dt * dt.mul_add(drive.stiffness, drive.damping);
+    row.drive_min = dt * drive.torque_min;
+    row.drive_max = dt * drive.torque_max;
+    let start = row.wanted.clamp(row.drive_min, row.drive_max);
+    let start = whole(drive, torque, start);
+    row.held = start;
+    row.held_slope = implicit(row, row.wanted_slope, L::zero());
+    row.drive_extra = L::zero();
+    row.friction_speed = dt * drive.friction;
+    row.velocity_min = -allowed_speed(q - L::splat(lower), step);
+    row.velocity_max = allowed_speed(L::splat(upper) - q, step);
+    start
 }
 
 /// `impulse`, or not a number where a number of the drive is none: the clamps would swallow it and the world stand as if sound.
@@ -96,7 +109,7 @@ pub fn prepare_rows<L: Lane>(model: &Model<L>, group: &Group<L>, work: &mut Work
 
 /// What of a row depends on its response.
 #[inline(always)]
-fn finish_row<L: Lane>(row: &mut JointRow<L>, response: L) {
+pub fn finish_row<L: Lane>(row: &mut JointRow<L>, response: L) {
     let one = L::of(1.0);
     let answer = row.wanted_slope * response;
     // Implicit on the diagonal, `answer` is below one but for rounding.
@@ -141,7 +154,7 @@ pub fn sweep<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>
 /// Projects a row's impulses at a velocity change of `x` from `velocity`; returns their total change, exactly zero where
 /// they were zero and stay so.
 #[inline(always)]
-fn project<L: Lane>(row: &mut JointRow<L>, impulse: &mut L, velocity: L, x: L) -> L {
+pub fn project<L: Lane>(row: &mut JointRow<L>, impulse: &mut L, velocity: L, x: L) -> L {
     // The next row waits for x to come through, so what does not need it stands apart.
     let g = row.response;
     let taken = g * row.drive_extra;
@@ -169,14 +182,17 @@ fn project<L: Lane>(row: &mut JointRow<L>, impulse: &mut L, velocity: L, x: L) -
 /// The drives' torques at the end of the step, from the change of velocity.
 #[inline(always)]
 pub fn store_torques<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &Work<L>) {
-    let rate = L::of(1.0 / model.dt);
     for (d, row) in work.rows.iter().enumerate() {
-        let x = work.change[model.root + d];
-        let held = row.held_slope.neg_mul_add(x, row.held);
-        let total = row.inverse_gain.mul_add(held, row.drive_extra);
-        let drive = &group.drive[d];
-        group.state.torque[d] = (total * rate).clamp(drive.torque_min, drive.torque_max);
+        group.state.torque[d] = torque(row, &group.drive[d], work.change[model.root + d], model.dt);
     }
+}
+
+/// The drive's torque at the end of the step, whose velocity change is `x`.
+#[inline(always)]
+pub fn torque<L: Lane>(row: &JointRow<L>, drive: &JointDrive<L>, x: L, step: f64) -> L {
+    let held = row.held_slope.neg_mul_add(x, row.held);
+    let total = row.inverse_gain.mul_add(held, row.drive_extra);
+    (total * L::of(1.0 / step)).clamp(drive.torque_min, drive.torque_max)
 }
 
 /// `u = u + y impulse`

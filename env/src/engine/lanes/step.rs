@@ -21,13 +21,15 @@ use super::work::{
 pub fn step<L: Lane>(model: &Model<L>, group: &mut Group<L>, work: &mut Work<L>, timer: &mut Timer) {
     timer.begin::<L>();
     if model.one_joint {
-        one_joint::fill(model, group, work);
-        timer.lap::<L>(OUTWARD);
-    } else {
-        dynamics::outward(model, group, work);
-        timer.lap::<L>(OUTWARD);
-        dynamics::inward(model, work);
+        let change = one_joint::change(model, group, work);
+        timer.lap::<L>(JOINT_SWEEPS);
+        integrate(model, group, &[change]);
+        timer.lap::<L>(FINISH);
+        return;
     }
+    dynamics::outward(model, group, work);
+    timer.lap::<L>(OUTWARD);
+    dynamics::inward(model, work);
     dynamics::smooth_impulse(model, group, work);
     joint::apply_drives(model, group, work);
     timer.lap::<L>(INWARD);

@@ -187,8 +187,8 @@ fn of_one_joint<L: Kernel>(batch: &mut Batch<L>) -> Vec<[[f64; 2]; 2]> {
         model, groups, work, ..
     } = batch;
     assert!(model.one_joint);
-    one_joint::fill(model, &mut groups[0], work);
-    let quick = (work.bias[0], work.mass_matrix[0]);
+    let (mass, bias) = one_joint::mass_and_bias(model, &mut groups[0], work);
+    let quick = (bias, mass);
     dynamics::outward(model, &groups[0], work);
     dynamics::inward(model, work);
     let lane =
@@ -229,6 +229,53 @@ fn bias_and_mass_of_one_joint_are_those_of_its_links_whatever_the_world_becomes(
                 assert!((quick[1] - exact[1]).abs() < 1e-12 * scale, "{quick:?} {exact:?}");
             }
         }
+    }
+}
+
+#[test]
+fn one_joint_is_moved_as_joints_are_that_are_one_of_many() {
+    let mut rng = ChaCha8Rng::seed_from_u64(14);
+    for mut robot in [robots::pendulum(), robots::slider()] {
+        robot.joints[0].limits = (-1.4, 1.4);
+        let world = world(&robot);
+        let [mut quick, mut general] = [true, false].map(|own| {
+            let mut batch = Batch::<Single>::new(&Ground::Plane, &robot, 0.002, 1);
+            batch.model.one_joint = own;
+            batch
+        });
+        let (mut stuck, mut clamped, mut stopped) = (0, 0, 0);
+        for _ in 0..300 {
+            let start = random_start(&robot, &mut rng);
+            let mut drive = Drive::idle(1, 1);
+            let mut number = |scale: f64| vec![rng.random_range(0.0..scale)];
+            (drive.stiffness, drive.damping, drive.friction) = (number(200.0), number(5.0), number(12.0));
+            (drive.target, drive.feed_forward, drive.torque_max) = (number(2.0), number(4.0), number(20.0));
+            drive.torque_min = vec![-drive.torque_max[0]];
+            for batch in [&mut quick, &mut general] {
+                batch.reset(0, &start, &world);
+            }
+            for _ in 0..100 {
+                [&mut quick, &mut general]
+                    .into_iter()
+                    .for_each(|batch| batch.step(&drive));
+            }
+            let [own, other] = [&quick, &general].map(|batch| (*batch.joints()).clone());
+            for (a, b) in [
+                (&own.position, &other.position),
+                (&own.velocity, &other.velocity),
+                (&own.torque, &other.torque),
+            ] {
+                assert!((a[0] - b[0]).abs() < 1e-9 * (1.0 + b[0].abs()), "{own:?} {other:?}");
+            }
+            stuck += u32::from(own.velocity[0].abs() < 1e-12);
+            clamped += u32::from(own.torque[0].abs() == drive.torque_max[0]);
+            stopped += u32::from(own.position[0].abs() > 1.4 - 1e-6);
+        }
+        // Every branch of a row was taken.
+        assert!(
+            stuck > 10 && clamped > 10 && stopped > 10,
+            "{stuck} {clamped} {stopped}"
+        );
     }
 }
 
