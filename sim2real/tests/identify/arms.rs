@@ -85,8 +85,8 @@ fn what_one_joint_lacks_is_not_lost_among_the_others_of_its_arm() {
         folder.path(),
         files,
         &nominal,
-        swings(&truth, 4, 1),
-        Some(swings(&truth, 2, 100)),
+        swings(&truth, 3, 1),
+        Some(swings(&truth, 1, 100)),
     );
     assert_eq!(outcome.verdict, Verdict::Unexplained);
     assert_eq!(outcome.unexplained.depends_on[0], "position of third");

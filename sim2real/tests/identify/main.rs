@@ -14,6 +14,9 @@ use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use omniwalk_sim2real::recording::{Recording, Series};
 use rig::{identify, identify_into, logs, rig};
 
+/// Logs that are fitted: one of each kind of motion, and another swing.
+const LOGS: u64 = 4;
+
 /// Every name in the accepted effects and the sets that cannot be told apart.
 fn named(outcome: &Outcome) -> Vec<String> {
     let accepted = outcome.accepted.iter().map(|a| a.effect.to_owned());
@@ -27,7 +30,7 @@ fn a_model_that_only_needs_other_values_lacks_nothing() {
     let mut truth = rig(&[]);
     truth.joints[0].passive.damping *= 2.0;
     truth.joints[0].passive.friction *= 0.5;
-    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let outcome = identify(&rig(&[]), logs(&truth, LOGS, 1), Some(logs(&truth, 2, 100)));
     assert_eq!(outcome.verdict, Verdict::NoMissingEffect, "{:?}", named(&outcome));
     let (nominal, refit) = (outcome.nominal.heldout.overall(), outcome.refit.heldout.overall());
     assert!(refit < 0.5 * nominal, "{nominal} {refit}");
@@ -46,7 +49,7 @@ fn is_found(kind: Kind, values: &[f64]) {
     let truth = rig(&[(kind, values)]);
     let folder = tempfile::tempdir().expect("a folder");
     let heldout = Some(logs(&truth, 2, 100));
-    let outcome = identify_into(folder.path(), &rig(&[]), logs(&truth, 6, 1), heldout);
+    let outcome = identify_into(folder.path(), &rig(&[]), logs(&truth, LOGS, 1), heldout);
     let named = named(&outcome);
     assert_eq!(outcome.verdict, Verdict::Explained, "{named:?}");
     assert_eq!(named, [kind.id()]);
@@ -163,7 +166,7 @@ fn a_target_that_never_catches_up_is_simulated_from_where_it_was() {
 #[test]
 fn delays_of_command_and_reading_are_named_together() {
     let truth = rig(&[(Kind::CommandDelay, &[0.02])]);
-    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let outcome = identify(&rig(&[]), logs(&truth, LOGS, 1), Some(logs(&truth, 2, 100)));
     let named = named(&outcome);
     assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
     assert!(
@@ -190,7 +193,7 @@ fn delays_of_command_and_reading_are_named_together() {
 #[test]
 fn a_low_supply_is_named_with_what_it_scales() {
     let truth = rig(&[(Kind::SupplyVoltage, &[0.7, 1.0])]);
-    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let outcome = identify(&rig(&[]), logs(&truth, LOGS, 1), Some(logs(&truth, 2, 100)));
     let named = named(&outcome);
     assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
     assert_eq!(outcome.indistinguishable.len(), 1, "{named:?}");
@@ -210,7 +213,7 @@ fn a_heavier_arm_is_named_with_what_it_scales() {
     // Dry friction that builds up over a hair's breadth is too little to be missing, and numbers that are re-tuned bend to it.
     for friction in [&[][..], &[(Kind::StribeckFriction, &[0.004, 0.4, 3e-4][..])]] {
         let truth = heavier(rig(friction));
-        let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+        let outcome = identify(&rig(&[]), logs(&truth, LOGS + 2, 1), Some(logs(&truth, 2, 100)));
         let named = named(&outcome);
         assert_eq!(outcome.verdict, Verdict::Indistinguishable, "{named:?}");
         assert_eq!(named[..3], ["payload", "mass", "kp_scale of hinge"]);
@@ -236,7 +239,7 @@ fn a_spring_on_one_side_is_a_curve_and_not_several_effects() {
     });
     // Beside it re-tuning makes up for a mass, and could be made up for by one.
     for truth in [spring.clone(), heavier(spring)] {
-        let outcome = identify(&rig(&[]), logs(&truth, 4, 1), Some(logs(&truth, 2, 100)));
+        let outcome = identify(&rig(&[]), logs(&truth, LOGS, 1), Some(logs(&truth, 2, 100)));
         let named = named(&outcome);
         assert_eq!(outcome.verdict, Verdict::Unexplained, "{named:?}");
         assert_eq!(outcome.unexplained.depends_on[0], "position");
@@ -251,7 +254,7 @@ fn friction_that_grows_while_a_log_lasts_is_a_table_over_time() {
         values: vec![-0.05, 0.1, 0.15],
         friction: true,
     });
-    let outcome = identify(&rig(&[]), logs(&truth, 6, 1), Some(logs(&truth, 2, 100)));
+    let outcome = identify(&rig(&[]), logs(&truth, LOGS + 2, 1), Some(logs(&truth, 2, 100)));
     let named = named(&outcome);
     assert_eq!(outcome.verdict, Verdict::Unexplained, "{named:?}");
     assert_eq!(outcome.unexplained.depends_on[0], "time");
