@@ -31,35 +31,41 @@ def header(log: Path) -> dict:
     return {key: value for key, value in json.loads(log.read_text()).items() if key != "entries"}
 
 
-def cases(data: Path) -> dict[str, tuple[str, str, list[Path], list[Path]]]:
-    """By name: robot, column map, logs to fit, logs held out (none: `identify` sets some aside)."""
+def cases(data: Path) -> dict[str, tuple[list[str], str, list[Path], list[Path]]]:
+    """By name: robot and how it stands, column map, logs to fit, logs held out (none: `identify` sets some aside)."""
     xl330 = {log: header(log) for log in sorted((data / "bam_xl330").glob("*.json"))}
     sts3250 = {log: header(log) for log in sorted((data / "bam_sts3250").glob("*.json"))}
+
+    def rig(name: str) -> list[str]:
+        return ["--robot", str(ROOT / "robots" / name)]
 
     def split(logs: dict[Path, dict], out) -> tuple[list[Path], list[Path]]:
         return [log for log in logs if not out(logs[log])], [log for log in logs if out(logs[log])]
 
     found = {
         "xl330, gain 400 and slow swings held out": (
-            *("xl330_rig", "bam_xl330.toml"),
+            *(rig("xl330_rig"), "bam_xl330.toml"),
             *split(xl330, lambda own: own["kp"] == 400 or own["trajectory"] == "up_and_down"),
         ),
         "xl330, gain 100 and drops held out": (
-            *("xl330_rig", "bam_xl330.toml"),
+            *(rig("xl330_rig"), "bam_xl330.toml"),
             *split(xl330, lambda own: own["kp"] == 100 or own["trajectory"] == "lift_and_drop"),
         ),
     }
     for shape in sorted({own["trajectory"] for own in sts3250.values()}):
         logs = split(sts3250, lambda own, shape=shape: own["trajectory"] == shape)
-        found[f"sts3250, {shape} held out"] = ("sts3250_rig", "bam_sts3250.toml", *logs)
-    found["emps, last quarter held out"] = ("emps", "emps.toml", [data / "emps" / "DATA_EMPS.csv"], [])
+        found[f"sts3250, {shape} held out"] = (rig("sts3250_rig"), "bam_sts3250.toml", *logs)
+    found["emps, last quarter held out"] = (rig("emps"), "emps.toml", [data / "emps" / "DATA_EMPS.csv"], [])
+    poppy = data / "poppy"
+    robot = ["--robot", str(poppy / "poppy_humanoid.urdf"), "--stand"]
+    found["poppy, last quarter held out"] = (robot, "poppy.toml", [poppy / "poppy_step_real.csv"], [])
     return found
 
 
-def identify(robot: str, column_map: str, fit: list[Path], held_out: list[Path], picture: Path) -> dict:
+def identify(robot: list[str], column_map: str, fit: list[Path], held_out: list[Path], picture: Path) -> dict:
     """The report of `omniwalk identify`, and how long it took; the first picture of its page goes to `picture`."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [OMNIWALK, "identify", *map(str, fit), "--robot", str(ROOT / "robots" / robot), "--out", folder]
+        command = [OMNIWALK, "identify", *map(str, fit), *robot, "--out", folder]
         command += ["--map", str(ROOT / "docs" / "maps" / column_map)]
         command += ["--heldout", *map(str, held_out)] if held_out else []
         start = time.monotonic()

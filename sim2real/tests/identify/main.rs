@@ -14,7 +14,7 @@ use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use omniwalk_sim2real::recording::{Recording, Series};
 use rig::{identify, identify_into, logs, rig};
 
-/// Logs that are fitted: one of each kind of motion, and another swing.
+/// Logs that are fitted: one of each kind of motion, and another triangle.
 const LOGS: u64 = 4;
 
 /// Every name in the accepted effects and the sets that cannot be told apart.
