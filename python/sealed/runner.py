@@ -15,7 +15,7 @@ from . import cases
 
 KEPT = [
     *("verdict", "nominal", "refit", "final", "noise_floor", "gap_closed", "accepted", "indistinguishable"),
-    *("unexplained", "all_effects"),
+    "unexplained",
 ]
 """Keys of `report.json` that a result keeps."""
 
@@ -37,7 +37,7 @@ def baseline(chosen: list[tuple[str, int]], program: list[str], out: Path, resul
     for machine, seed in chosen:
         target = results / f"{machine}-{seed:04d}.json"
         result = json.loads(target.read_text()) if target.exists() else {}
-        if not result.get("report") or "baseline_seconds" in result:
+        if not result.get("report") or "all_effects" in result["report"]:
             continue
         case = cases.ensure(machine, seed, out)
         start = time.monotonic()
@@ -61,7 +61,7 @@ def identify(case: Path, program: list[str], limit: float) -> dict:
     fit, held_out = (sorted(str(log) for log in (case / part).glob("*.mcap")) for part in ("fit", "heldout"))
     with tempfile.TemporaryDirectory() as folder:
         command = [*program, "identify", *fit, "--robot", str(case / "robot"), "--out", folder]
-        command += ["--compare", "--heldout", *held_out]
+        command += ["--heldout", *held_out]
         start = time.monotonic()
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
