@@ -8,11 +8,16 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
-    *(("rig", seed) for seed in range(400, 472)),
-    *(("leg", seed) for seed in range(400, 432)),
-    *(("walk", seed) for seed in range(400, 408)),
+    *(("rig", seed) for seed in range(500, 572)),
+    *(("leg", seed) for seed in range(500, 532)),
+    *(("walk", seed) for seed in range(500, 508)),
 ]
 """Machine and seed; to be run once, after the procedure is frozen."""
+
+FOURTH = [*(("rig", seed) for seed in (*range(400, 463), 464, 466, 468, 470)), ("leg", 400)]
+"""Those of the fixed list of the procedure as it was frozen for the fourth time that were run before measured logs (the XL330's) showed
+friction under load that is not found from its plain form, and the list itself that Stribeck's friction gave way to a table over velocity
+(rigs 413, 438, 454 and 462), and the procedure was changed."""
 
 THIRD = [*(("rig", seed) for seed in range(300, 372)), *(("leg", seed) for seed in range(300, 309)), ("walk", 300)]
 """Those of the fixed list of the procedure as it was frozen for the third time that were run before its rigs showed a cross-validation that
@@ -37,7 +42,7 @@ REHEARSAL = [
 ]
 """What the procedure was worked out on: no measure of it."""
 
-LISTS = {"fixed": FIXED, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
+LISTS = {"fixed": FIXED, "fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
 
 
 def ensure(machine: str, seed: int, out: Path, walker: Path = POLICY) -> Path:

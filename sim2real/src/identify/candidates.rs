@@ -204,6 +204,18 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
                     .collect(),
             ]
         }
+        // What gears rub under load is often so much more at rest that no slope leads there from what does not know of it.
+        Kind::LoadDependentFriction => {
+            let at_rest = |c: f64| start(3).into_iter().map(move |v| vec![c, 0.0, c, v]);
+            vec![
+                ladder(0).into_iter().map(|x| term(plain(x), vec![0])).collect(),
+                start(0)
+                    .into_iter()
+                    .flat_map(at_rest)
+                    .map(|v| term(v, vec![0, 2, 3]))
+                    .collect(),
+            ]
+        }
         Kind::PositionRipple => {
             let amplitude = 0.0;
             let own = ripples[target]

@@ -145,6 +145,11 @@ fn friction_under_load_is_found() {
 }
 
 #[test]
+fn friction_under_load_that_is_half_as_much_again_at_rest_is_found() {
+    is_found(Kind::LoadDependentFriction, &[0.3, 0.0, 0.15, 0.4]);
+}
+
+#[test]
 fn play_is_found() {
     is_found(Kind::Backlash, &[0.06, 0.0, 0.7]);
 }

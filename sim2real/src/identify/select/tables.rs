@@ -1,7 +1,7 @@
 //! A measured table of what a joint lacks, fitted in rollouts: what stands in for an effect that no library has. It is judged by whole logs, where
 //! there are several: it is to hold in other motions, and what goes with the time since the start of a log is in all of them at the same time.
 
-use omniwalk_env::effect::{Kind, Table};
+use omniwalk_env::effect::{Kind, Table, Variable};
 use rayon::prelude::*;
 
 use super::super::descent::Descent;
@@ -129,7 +129,8 @@ impl Selector<'_> {
     }
 
     /// Takes out the effects of each joint of which much is left (`open`) where they predict no better than a table without them: what no
-    /// library has looks like this and that of it, and a wrong name is worse than none.
+    /// library has looks like this and that of it, and a wrong name is worse than none. A table that is a freer form of one of them has to
+    /// predict better.
     pub fn prefer_tables(&self, selection: &mut Selection, open: &dyn Fn(&Selection) -> Vec<usize>) {
         for dof in open(selection) {
             let on_joint = |term: &Term| joint_of(self.robot, term.kind.info().site, term.target) == Some(dof);
@@ -145,11 +146,23 @@ impl Selector<'_> {
             let all: Vec<Over> = torque::simulated().collect();
             let table = self.best_table(&without, dof, &moments[dof], &all);
             let predicted = self.logs.cross(self.data, &selection.last, self.scales);
-            if let Some(table) = table.filter(|table| !self.apart(&table.cross, &predicted)) {
+            let terms = &selection.last.model.terms;
+            let is_better = |table: &Tabled| {
+                if terms.iter().any(|term| on_joint(term) && is_curve_of(term, table.over)) {
+                    return self.apart(&predicted, &table.cross);
+                }
+                !self.apart(&table.cross, &predicted)
+            };
+            if let Some(table) = table.filter(is_better) {
                 let over = torque::names(&self.data.trials[0], dof).swap_remove(table.over.0);
                 let reason = format!("a measured table over {over} predicts no worse");
                 selection.take_out(&on_joint, without, &reason);
             }
         }
     }
+}
+
+/// Whether a table over `variable` is the effect of `term` in any shape.
+fn is_curve_of(term: &Term, (variable, _): Over) -> bool {
+    term.kind == Kind::StribeckFriction && Variable::ALL[variable] == Variable::Velocity
 }
