@@ -16,8 +16,8 @@ FIXED = [
 
 FOURTH = [*(("rig", seed) for seed in (*range(400, 463), 464, 466, 468, 470)), ("leg", 400)]
 """Those of the fixed list of the procedure as it was frozen for the fourth time that were run before measured logs (the XL330's) showed
-friction under load that is not found from its plain form, and the list itself that Stribeck's friction gave way to a table over velocity
-(rigs 413, 438, 454 and 462), and the procedure was changed."""
+friction under load that is not found from its plain form, and the procedure was changed; also for Stribeck's friction, in whose place the
+list has tables over velocity (rigs 413, 438, 454 and 462)."""
 
 THIRD = [*(("rig", seed) for seed in range(300, 372)), *(("leg", seed) for seed in range(300, 309)), ("walk", 300)]
 """Those of the fixed list of the procedure as it was frozen for the third time that were run before its rigs showed a cross-validation that
