@@ -37,7 +37,7 @@ pub struct Args {
     /// Logs to report on; without, some of the others are set aside before anything is fitted.
     #[arg(long, value_name = "LOG", num_args = 1..)]
     heldout: Vec<PathBuf>,
-    /// Folder for report.json, report.html and the robot with its effects.
+    /// Folder for report.json, report.html and the robot with its effects. Where it was interrupted, the same command goes on.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Also fits every effect at once and reports its errors under `all_effects`, to compare with.

@@ -70,6 +70,41 @@ impl Descent {
 
     /// Does at most `most` iterations over the blocks that `used` names, until one takes less than the share `little` of the loss.
     fn advance(&mut self, (data, scales): (&Data, &Scales), used: &dyn Fn(usize) -> bool, most: usize, little: f64) {
+        let blocks: Vec<usize> = (0..data.blocks).filter(|&b| used(b)).collect();
+        let here = (&self.fit.model, self.damping, self.left, blocks, most, little);
+        let journal = data.journal(&("descent", here));
+        let known = journal.and_then(|(journal, key)| journal.known(key));
+        if known.is_some_and(|known| self.is_put(known, data, scales)) {
+            return;
+        }
+        self.descend((data, scales), used, most, little);
+        if let Some((journal, key)) = journal {
+            journal.keep(key, &self.numbers());
+        }
+    }
+
+    /// All that an advance changes, less what follows from it.
+    fn numbers(&self) -> Vec<f64> {
+        let way = [self.fell, self.damping, self.left as f64];
+        way.into_iter().chain(self.fit.model.values()).collect()
+    }
+
+    /// Puts [`Self::numbers`] in the place of what is there; false where they are none of this model's.
+    fn is_put(&mut self, numbers: &[f64], data: &Data, scales: &Scales) -> bool {
+        let own = self.numbers();
+        let ([fell, damping, left, values @ ..], true) = (numbers, numbers.len() == own.len()) else {
+            return false;
+        };
+        (self.fell, self.damping, self.left) = (*fell, *damping, *left as usize);
+        if *values != own[own.len() - values.len()..] {
+            self.fit.model.put_values(values);
+            (self.fit.losses, self.fit.slopes) = data.slopes(&self.fit.model, scales);
+        }
+        true
+    }
+
+    /// [`Self::advance`], computed.
+    fn descend(&mut self, (data, scales): (&Data, &Scales), used: &dyn Fn(usize) -> bool, most: usize, little: f64) {
         for _ in 0..most.min(self.left) {
             let moved = self.iterate(data, scales, used);
             self.left -= 1;

@@ -3,6 +3,7 @@
 //! Loss, gradient and curvature are kept by block of time, so that folds of a cross-validation and errors that respect
 //! autocorrelation come from the same rollouts. Sums have a fixed order: threads change no bit.
 
+use std::fmt::Debug;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DMatrixView, DVector};
@@ -10,6 +11,7 @@ use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::Robot;
 use rayon::prelude::*;
 
+use super::journal::{self, Journal};
 use super::model::{Free, Model};
 use super::own::Logged;
 use super::scales::Scales;
@@ -36,6 +38,8 @@ pub struct Data {
     pub blocks: usize,
     /// Physics steps a millisecond.
     pub finer: usize,
+    /// What is known already of fits to these data, and to others.
+    pub journal: Option<Arc<Journal>>,
 }
 
 /// Of every trial, of every [`LANES`] models: entry `reading * models + m`.
@@ -161,6 +165,7 @@ impl Data {
             first_block,
             blocks,
             finer: 1,
+            journal: None,
         })
     }
 
@@ -202,9 +207,34 @@ impl Data {
             .unwrap_or_else(|_| vec![f64::NAN; self.trials[t].readings.len() * models.len()])
     }
 
+    /// The journal, if there is one, and the key there of what follows from these data and from `of`.
+    pub fn journal(&self, of: &dyn Debug) -> Option<(&Journal, u64)> {
+        let journal = self.journal.as_deref()?;
+        let of_trial = |trial: &Trial| {
+            let numbers = trial.shift.iter().copied().chain([trial.start]);
+            journal::hash_of_numbers(numbers.chain(trial.readings.iter().map(|reading| reading.position)))
+        };
+        let trials: Vec<u64> = self.trials.iter().map(of_trial).collect();
+        Some((journal, journal::hash(&(trials, self.finer, &self.weights, of))))
+    }
+
     /// Sums over all readings of the products of columns that are weighted: the residual of the first of `models`, and by how much
     /// each other one changes its predictions. Not finite in the row and column of a model that breaks.
     pub fn products(&self, models: &[Model]) -> DMatrix<f64> {
+        let n = models.len();
+        let journal = self.journal(&("products", models));
+        let known = journal.and_then(|(journal, key)| journal.known(key));
+        if let Some(known) = known.filter(|known| known.len() == n * n) {
+            return DMatrix::from_column_slice(n, n, known);
+        }
+        let products = self.compute_products(models);
+        if let Some((journal, key)) = journal {
+            journal.keep(key, products.as_slice());
+        }
+        products
+    }
+
+    fn compute_products(&self, models: &[Model]) -> DMatrix<f64> {
         let of_trial = |t: usize| {
             let readings = &self.trials[t].readings;
             let mut columns = DMatrix::zeros(readings.len(), models.len());

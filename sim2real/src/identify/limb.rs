@@ -10,6 +10,7 @@ use super::cross::Folds;
 use super::fit::{Data, total};
 use super::floor::Floor;
 use super::found::Found;
+use super::journal::Journal;
 use super::leftover::{self, COARSE, TOO_COARSE};
 use super::model::{Model, Term};
 use super::own::Own;
@@ -25,12 +26,14 @@ const LOWER_LIMIT: f64 = 0.7;
 const FINER: usize = 4;
 
 /// How to look.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Search {
     /// Limbs that are looked at alike: an effect is the best of those of all of them.
     pub limbs: usize,
     /// Whether every effect at once is fitted too, to compare with.
     pub compare: bool,
+    /// What an interrupted search came to.
+    pub journal: Arc<Journal>,
 }
 
 /// Finds what the model of `robot`, a limb or a whole robot, lacks in `trials`, which come back with the starts that were fitted; `log`
@@ -41,11 +44,12 @@ pub struct Search {
 pub fn find(
     robot: &Robot,
     trials: Vec<Trial>,
-    search: Search,
+    search: &Search,
     log: &dyn Fn(&str),
 ) -> Result<(Found, Vec<Trial>), IdentifyError> {
     let scales = Scales::new(robot, &trials);
     let mut data = Data::new(robot, trials)?;
+    data.journal = Some(Arc::clone(&search.journal));
     let folds = Folds::new(&data);
     let nominal = Model::nominal(robot, &data.trials);
     let information = information::information(robot, &mut data, &nominal, &scales);

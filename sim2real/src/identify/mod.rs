@@ -29,6 +29,7 @@ mod heldout;
 mod hinge;
 mod information;
 mod interval;
+mod journal;
 mod lacking;
 mod landings;
 mod leftover;
@@ -77,6 +78,7 @@ use crate::recording::{Recording, RecordingError};
 use fit::Data;
 use found::Found;
 use heldout::Heldout;
+use journal::Journal;
 use limb::Search;
 use model::Model;
 use split::Split;
@@ -108,6 +110,9 @@ pub enum IdentifyError {
         source: std::io::Error,
     },
 }
+
+/// What is kept in the folder of what comes out until all of it is there.
+const JOURNAL: &str = "unfinished";
 
 /// Opens the logs that are held out.
 pub type Open<'a> = &'a dyn Fn() -> Result<Vec<Recording>, RecordingError>;
@@ -180,7 +185,8 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     if !reasons.is_empty() {
         return Ok(Outcome::insufficient(robot, reasons, check));
     }
-    let Some((found, fitted)) = search(task, &split, log)? else {
+    let journal = opened(task, log)?;
+    let Some((found, fitted)) = search(task, &split, &journal, log)? else {
         return Ok(Outcome::insufficient(
             robot,
             vec!["the robot has no joint".into()],
@@ -207,7 +213,26 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     let mut outcome = outcome::outcome(parts, heldout)?;
     let far = outcome.check.far_off(&outcome.nominal.fit.rmse.0);
     far.into_iter().for_each(|finding| log(&format!("note: {finding}")));
+    journal.close().map_err(|source| cannot_write(task, source))?;
     Ok(outcome)
+}
+
+/// The journal of a task, in the folder of what comes out.
+fn opened(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Arc<Journal>, IdentifyError> {
+    let all = (task.robot, &task.logs);
+    let journal = Journal::open(&task.out.join(JOURNAL), &all).map_err(|source| cannot_write(task, source))?;
+    if journal.len() > 0 {
+        log(&format!(
+            "goes on where it was interrupted: {} results are known",
+            journal.len()
+        ));
+    }
+    Ok(Arc::new(journal))
+}
+
+fn cannot_write(task: &Task<'_>, source: std::io::Error) -> IdentifyError {
+    let path = task.out.join(JOURNAL).display().to_string();
+    IdentifyError::Write { path, source }
 }
 
 /// Errors of every effect at once, fitted to `logs`, there and on `heldout`: what identification is compared with, without it.
@@ -233,7 +258,12 @@ pub fn all_at_once(robot: &Robot, logs: &[Recording], heldout: &[Recording]) -> 
 
 /// Looks at every limb by itself: nothing of another one's motion is in its own. What was found comes with the pieces of logs, their starts
 /// fitted.
-fn search(task: &Task<'_>, split: &Split, log: &dyn Fn(&str)) -> Result<Option<(Found, Vec<Trial>)>, IdentifyError> {
+fn search(
+    task: &Task<'_>,
+    split: &Split,
+    journal: &Arc<Journal>,
+    log: &dyn Fn(&str),
+) -> Result<Option<(Found, Vec<Trial>)>, IdentifyError> {
     let robot = task.robot;
     for trial in &split.fit {
         trial.robot(robot)?;
@@ -242,6 +272,7 @@ fn search(task: &Task<'_>, split: &Split, log: &dyn Fn(&str)) -> Result<Option<(
     let search = Search {
         limbs: limbs.len(),
         compare: task.compare,
+        journal: Arc::clone(journal),
     };
     let mut parts = Vec::with_capacity(limbs.len());
     // Starts are fitted where the base is not held: of a robot that is one limb.
@@ -253,7 +284,7 @@ fn search(task: &Task<'_>, split: &Split, log: &dyn Fn(&str)) -> Result<Option<(
         }
         let trials = split.fit.iter().map(|trial| trial.of_limb(robot, &limb)).collect();
         let trials = windows::chosen(&limb.robot, trials);
-        let (found, trials) = limb::find(&limb.robot, trials, search, log)?;
+        let (found, trials) = limb::find(&limb.robot, trials, &search, log)?;
         if robot.base == Base::Floating {
             fitted = trials;
         }

@@ -176,6 +176,19 @@ impl Model {
         own.chain(effects).collect()
     }
 
+    /// All values, held ones too.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        let own = self.tuned.iter().map(|tuned| tuned.value);
+        own.chain(self.terms.iter().flat_map(|term| term.values.iter().copied()))
+    }
+
+    /// Puts `values`, in the order of [`Self::values`], in their place.
+    pub fn put_values(&mut self, values: &[f64]) {
+        let own = self.tuned.iter_mut().map(|tuned| &mut tuned.value);
+        let own = own.chain(self.terms.iter_mut().flat_map(|term| &mut term.values));
+        own.zip(values).for_each(|(own, value)| *own = *value);
+    }
+
     /// The fitted numbers, scaled.
     pub fn get(&self, scales: &Scales) -> Vec<f64> {
         let own = self.tuned.iter().filter(|tuned| !tuned.held).map(|tuned| tuned.value);

@@ -6,13 +6,15 @@ mod record;
 mod rig;
 mod walker;
 
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
 use omniwalk_env::robot::{Base, Robot};
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use omniwalk_sim2real::recording::{Recording, Series};
-use rig::{identify, identify_into, logs, rig};
+use rig::{RIG, identify, identify_files_aloud, identify_into, logs, rig};
 
 /// Logs that are fitted: one of each kind of motion, and another triangle.
 const LOGS: u64 = 4;
@@ -314,4 +316,32 @@ fn threads_change_no_bit() {
         serde_json::to_string(&outcome).expect("plain data")
     };
     assert_eq!(with(1), with(2));
+}
+
+/// Whether what is `identified` into a folder, and told of, goes on to the same bits where it was interrupted at the line that begins with `at`.
+fn goes_on(at: &str, identified: impl Fn(&Path, &dyn Fn(&str)) -> Outcome) {
+    let json = |outcome: &Outcome| serde_json::to_string(outcome).expect("plain data");
+    let [whole, interrupted] = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
+    let expected = json(&identified(whole.path(), &|_| ()));
+    let stop = |line: &str| assert!(!line.starts_with(at), "interrupted");
+    catch_unwind(AssertUnwindSafe(|| identified(interrupted.path(), &stop))).expect_err("an interruption");
+    let unfinished = interrupted.path().join("unfinished");
+    assert!(unfinished.exists());
+    let heard = RefCell::new(Vec::new());
+    let again = identified(interrupted.path(), &|line| heard.borrow_mut().push(line.to_owned()));
+    assert!(
+        heard.borrow().iter().any(|line| line.contains("goes on where")),
+        "{heard:?}"
+    );
+    assert_eq!(json(&again), expected);
+    assert!(!unfinished.exists());
+}
+
+#[test]
+fn what_was_interrupted_goes_on_to_the_same_bits() {
+    let mut truth = rig(&[]);
+    truth.joints[0].passive.damping *= 2.0;
+    goes_on("re-tuned", |folder, log| {
+        identify_files_aloud((folder, RIG), &rig(&[]), logs(&truth, 3, 1), None, log)
+    });
 }

@@ -18,7 +18,7 @@ const TOML: &str = "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\nkp = 3.0\n
 pub type Files = (&'static str, &'static str);
 
 /// The rig's.
-const RIG: Files = (URDF, TOML);
+pub const RIG: Files = (URDF, TOML);
 
 /// Writes the files of a robot into `folder`.
 fn write(folder: &Path, (urdf, toml): Files) {
@@ -76,6 +76,17 @@ pub fn identify_files(
     logs: Vec<Recording>,
     heldout: Option<Vec<Recording>>,
 ) -> Outcome {
+    identify_files_aloud((folder, files), robot, logs, heldout, &|line| println!("{line}"))
+}
+
+/// The same; `log` hears of progress.
+pub fn identify_files_aloud(
+    (folder, files): (&Path, Files),
+    robot: &Robot,
+    logs: Vec<Recording>,
+    heldout: Option<Vec<Recording>>,
+    log: &dyn Fn(&str),
+) -> Outcome {
     write(folder, files);
     let open = || Ok(heldout.clone().unwrap_or_default());
     let task = Task {
@@ -86,5 +97,5 @@ pub fn identify_files(
         compare: false,
         out: folder,
     };
-    identify::run(&task, &|line| println!("{line}")).expect("an outcome")
+    identify::run(&task, log).expect("an outcome")
 }

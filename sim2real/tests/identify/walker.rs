@@ -5,9 +5,9 @@ use omniwalk_env::robot::Robot;
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use omniwalk_sim2real::recording::Recording;
 
-use super::named;
 use super::record::{NOISE, record, record_on_rigid_ground};
-use super::rig::{Files, identify_files, load};
+use super::rig::{Files, identify_files, identify_files_aloud, load};
+use super::{goes_on, named};
 
 const URDF: &str = r#"<robot name="swayer"><link name="trunk"><inertial><origin xyz="0 0 0.1"/><mass value="4"/><inertia ixx="0.05" iyy="0.05" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <link name="leg"><inertial><origin xyz="0 0 -0.15"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -86,6 +86,14 @@ fn threads_change_no_bit_of_starts() {
         replay.measure.overall().to_bits()
     };
     assert_eq!(with(1), with(2));
+}
+
+#[test]
+fn what_was_interrupted_goes_on_to_the_same_bits() {
+    let truth = walker(None);
+    goes_on("re-tuned", |folder, log| {
+        identify_files_aloud((folder, FILES), &truth, logs(&truth, Ground::Own, 2, 0), None, log)
+    });
 }
 
 #[test]
