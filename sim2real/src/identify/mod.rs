@@ -187,6 +187,7 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     }
     let journal = opened(task, log)?;
     let Some((found, fitted)) = search(task, &split, &journal, log)? else {
+        journal.close().map_err(|source| cannot_write(task, source))?;
         return Ok(Outcome::insufficient(
             robot,
             vec!["the robot has no joint".into()],
