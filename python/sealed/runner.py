@@ -1,4 +1,5 @@
-"""Runs `omniwalk identify` over cases, one after the other; what is done is skipped, so that it can be stopped at any time.
+"""Runs `omniwalk identify` over cases, one after the other; what is done is skipped, and what was begun goes on, so that it can be
+stopped at any time.
 
 The truth is never opened here.
 """
@@ -6,8 +7,8 @@ The truth is never opened here.
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
-import tempfile
 import time
 from pathlib import Path
 
@@ -27,8 +28,10 @@ def run(chosen: list[tuple[str, int]], program: list[str], out: Path, results: P
         target = results / f"{machine}-{seed:04d}.json"
         if target.exists():
             continue
-        result = identify(cases.ensure(machine, seed, out), program, limit)
+        found = out / "found" / target.stem
+        result = identify(cases.ensure(machine, seed, out), program, found, limit)
         write(target, result)
+        shutil.rmtree(found, ignore_errors=True)
         print(f"{target.stem}: {result['report'].get('verdict', 'no report')} in {result['seconds']:.0f} s", flush=True)
 
 
@@ -56,20 +59,20 @@ def write(target: Path, result: dict) -> None:
     partial.rename(target)
 
 
-def identify(case: Path, program: list[str], limit: float) -> dict:
-    """Exit code, duration and report of one identification."""
+def identify(case: Path, program: list[str], found: Path, limit: float) -> dict:
+    """Exit code, duration and report of one identification into `found`, where one that was interrupted goes on: `resumed`, and the
+    duration is that of the last go."""
     fit, held_out = (sorted(str(log) for log in (case / part).glob("*.mcap")) for part in ("fit", "heldout"))
-    with tempfile.TemporaryDirectory() as folder:
-        command = [*program, "identify", *fit, "--robot", str(case / "robot"), "--out", folder]
-        command += ["--heldout", *held_out]
-        start = time.monotonic()
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
-            code, said = done.returncode, done.stderr[-2000:]
-        except subprocess.TimeoutExpired:
-            code, said = None, f"more than {limit:.0f} s"
-        seconds = time.monotonic() - start
-        path = Path(folder) / "report.json"
-        report = json.loads(path.read_text()) if path.exists() else {}
+    command = [*program, "identify", *fit, "--robot", str(case / "robot"), "--out", str(found), "--heldout", *held_out]
+    resumed = (found / "unfinished").exists()
+    start = time.monotonic()
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+        code, said = done.returncode, done.stderr[-2000:]
+    except subprocess.TimeoutExpired:
+        code, said = None, f"more than {limit:.0f} s"
+    seconds = time.monotonic() - start
+    path = found / "report.json"
+    report = json.loads(path.read_text()) if path.exists() else {}
     kept = {key: report[key] for key in KEPT if key in report}
-    return {"code": code, "seconds": seconds, "report": kept, "said": "" if code == 0 else said}
+    return {"code": code, "seconds": seconds, "resumed": resumed, "report": kept, "said": "" if code == 0 else said}

@@ -102,6 +102,7 @@ def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
         "import json, pathlib, sys\n"
         "out = pathlib.Path(sys.argv[sys.argv.index('--out') + 1])\n"
         "logs = sys.argv[2:sys.argv.index('--robot')]\n"
+        "out.mkdir(parents=True, exist_ok=True)\n"
         "(out / 'report.json').write_text(json.dumps({'verdict': 'explained', 'more': len(logs)}))\n"
     )
     made = []
@@ -115,11 +116,16 @@ def test_a_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
         return folder
 
     monkeypatch.setattr(cases, "ensure", ensure)
+    begun = tmp_path / "found" / "rig-0002"
+    begun.mkdir(parents=True)
+    (begun / "unfinished").touch()
     for chosen in ([("rig", 1)], [("rig", 1), ("rig", 2)]):
         runner.run(chosen, [sys.executable, str(program)], tmp_path, tmp_path / "results", 60.0)
     assert made == [1, 2]
-    result = json.loads((tmp_path / "results" / "rig-0002.json").read_text())
-    assert (result["code"], result["report"]) == (0, {"verdict": "explained"})
+    results = [json.loads((tmp_path / "results" / f"rig-000{seed}.json").read_text()) for seed in (1, 2)]
+    assert [result["resumed"] for result in results] == [False, True]
+    assert all((result["code"], result["report"]) == (0, {"verdict": "explained"}) for result in results)
+    assert not list((tmp_path / "found").iterdir())
     assert not list((tmp_path / "results").glob("*.part"))
 
 
