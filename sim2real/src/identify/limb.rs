@@ -72,6 +72,10 @@ pub fn find(
     selector.drop_doubtful(&mut selection);
     selector.prefer_tables(&mut selection, &|selection| leftover::open(&data, selection, &floor));
     selector.keep_untold(&mut selection);
+    // Beside numbers that are back where the robot has them an effect can be another size, and hold none.
+    while selector.drop_doubtful(&mut selection) {
+        selector.keep_untold(&mut selection);
+    }
     let all_at_once = search.compare.then(|| selector.all_at_once(&selection.refit.model));
     let left = leftover::leftover(&selector, &selection, &floor)?;
     let intervals = interval::intervals(&selector, &selection.last);

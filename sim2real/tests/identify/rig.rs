@@ -97,5 +97,21 @@ pub fn identify_files_aloud(
         compare: false,
         out: folder,
     };
-    identify::run(&task, log).expect("an outcome")
+    let outcome = identify::run(&task, log).expect("an outcome");
+    no_effect_may_be_none(&outcome);
+    outcome
+}
+
+/// Of every effect that is named the interval of one of its sizes does not hold that of no effect.
+fn no_effect_may_be_none(outcome: &Outcome) {
+    for accepted in &outcome.accepted {
+        let kind = Kind::named(accepted.effect).expect("a kind");
+        let sizes = kind.info().parameters.iter().filter_map(|p| Some((p.name, p.neutral?)));
+        let certain = sizes.map(|(name, none)| {
+            let [low, high] = accepted.parameters.get(name)?.ci95?;
+            Some(none < low || none > high)
+        });
+        let certain: Vec<bool> = certain.flatten().collect();
+        assert!(certain.is_empty() || certain.contains(&true), "{accepted:?}");
+    }
 }

@@ -6,8 +6,9 @@ use super::{Selection, Selector};
 
 impl Selector<'_> {
     /// Takes out, one by one, the effects of which every size has an interval that holds none, the least certain first: what is wrong with a
-    /// model beyond noise can be all there is to them. Sets of which they are one go with them.
-    pub fn drop_doubtful(&self, selection: &mut Selection) {
+    /// model beyond noise can be all there is to them. Sets of which they are one go with them. Whether any was.
+    pub fn drop_doubtful(&self, selection: &mut Selection) -> bool {
+        let before = selection.last.model.terms.len();
         while let Some(i) = self.least_certain(selection) {
             let mut model = selection.last.model.clone();
             let Term { kind, target, .. } = model.terms.remove(i);
@@ -15,6 +16,7 @@ impl Selector<'_> {
             let without = self.fit(&model).fit;
             selection.take_out(&doubted, without, "its 95 % interval holds no effect at all");
         }
+        selection.last.model.terms.len() < before
     }
 
     fn least_certain(&self, selection: &Selection) -> Option<usize> {
