@@ -60,43 +60,44 @@ EFFECTS = {
 """One of a joint, one of a link with couplings in it, one of encoders and one of bodies."""
 
 
-def gates_with(tmp_path: Path, effects: list[str], *gate) -> tuple[dict, str]:
-    """Gates of the cross-check of the robot with `effects`, and what was said."""
-    robot = tmp_path / "robot"
+def with_effects(folder: Path, effects: list[str]) -> Path:
+    """The robot with `effects`."""
+    robot = folder / "robot"
     shutil.copytree(ROOT / "robots/nimbro_op2x", robot)
     with (robot / "robot.toml").open("a") as file:
         for effect in effects:
             file.write(f'\n[[effect]]\nid = "{effect}"\n{EFFECTS[effect]}\n')
-    result = call("crosscheck", TRAINED, "--robot", robot, *gate, "--out", tmp_path)
+    return robot
+
+
+def gates_of(result: subprocess.CompletedProcess, folder: Path) -> dict:
+    """The gates of a cross-check into `folder`, failed ones among them."""
     assert result.returncode in (0, 1), result.stderr
-    return json.loads((tmp_path / "crosscheck.json").read_text())["gates"], result.stdout
+    return json.loads((folder / "crosscheck.json").read_text())["gates"]
 
 
-def test_a_robot_with_effects_moves_as_in_mujoco(tmp_path: Path) -> None:
-    gates, said = gates_with(tmp_path, list(EFFECTS), "--gate", "physics")
-    assert gates["physics"]["pass"], said
-    assert {name.split()[0] for name in gates["physics"]["left_out"]} == EFFECTS.keys() - {"payload"}
-
-
-@pytest.mark.parametrize("effect", EFFECTS)
-def test_a_robot_with_effects_walks_as_in_mujoco(tmp_path: Path, effect: str) -> None:
-    gates, said = gates_with(tmp_path, [effect], *SHORT, "--suite", "commands")
-    # A single sequence of each command says nothing of errors; a walk that falls apart does.
-    for gate in ("closed_loop", "closed_loop_lanes"):
-        assert gates[gate]["mujoco"]["survived"] == gates[gate]["mujoco"]["sequences"], said
-
-
-def test_a_robot_is_checked_on_the_soles_that_were_guessed(tmp_path: Path) -> None:
-    robot, run = tmp_path / "robot", tmp_path / "run"
-    shutil.copytree(ROOT / "robots/nimbro_op2x", robot)
+def test_a_robot_with_effects_and_soles_that_were_guessed_moves_as_in_mujoco(tmp_path: Path) -> None:
+    robot = with_effects(tmp_path, list(EFFECTS))
     toml = robot / "robot.toml"
     toml.write_text(re.sub(r"\[\[foot\]\]\n(?:\w.*\n)*", "", toml.read_text()))
+    run = tmp_path / "run"
     small = ["--set", "train.environments=4", "--set", "train.steps_per_update=20", "--set", "ppo.hidden=[16]"]
     train = ["train", "--run", run, "--steps", "160", "--quiet", "--set", f"robot.path={str(robot)!r}", *small]
     subprocess.run([*program("omniwalk"), *map(str, train)], cwd=ROOT, check=True)
     result = call("crosscheck", run, "--gate", "physics", "--out", tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "dropped from 2 cm" in result.stdout
+    physics = gates_of(result, tmp_path)["physics"]
+    assert physics["pass"] and "dropped from 2 cm" in result.stdout, result.stdout
+    assert {name.split()[0] for name in physics["left_out"]} == EFFECTS.keys() - {"payload"}
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_a_robot_with_effects_walks_as_in_mujoco(tmp_path: Path, effect: str) -> None:
+    robot = with_effects(tmp_path, [effect])
+    result = call("crosscheck", TRAINED, "--robot", robot, *SHORT, "--suite", "commands", "--out", tmp_path)
+    # A single sequence of each command says nothing of errors; a walk that falls apart does.
+    for gate in ("closed_loop", "closed_loop_lanes"):
+        mujoco = gates_of(result, tmp_path)[gate]["mujoco"]
+        assert mujoco["survived"] == mujoco["sequences"], result.stdout
 
 
 def test_the_printed_model_has_real_stiffness_and_names_what_it_lacks(tmp_path: Path) -> None:
@@ -133,10 +134,12 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         *("--steps", "320", "--engine", "lanes", "--quiet", "--set", "train.environments=4"),
         *("--set", "train.steps_per_update=20", "--set", "ppo.hidden=[16]"),
         *("--set", "eval.commands=[[0.0, 0.0, 0.0]]"),
+        # Whoever falls at once is measured soon.
+        *("--set", "task.min_height=0.9999"),
     ]
     alone, beside = folder / "alone", folder / "beside"
     subprocess.run([*program("omniwalk"), "train", "--run", alone, *small], cwd=ROOT, check=True)
-    result = call("train", "--run", beside, *small, "--crosscheck-every", "80")
+    result = call("train", "--run", beside, *small, "--crosscheck-every", "160")
     assert result.returncode == 0 and "warning" not in result.stderr, result.stderr
     return alone, beside
 

@@ -47,6 +47,13 @@ struct Running {
     child: Child,
 }
 
+/// Whether training goes on beside a measurement, which is then at the lowest priority.
+#[derive(Clone, Copy, PartialEq)]
+enum Training {
+    GoesOn,
+    Ended,
+}
+
 impl Drop for Running {
     fn drop(&mut self) {
         // It may have ended by itself.
@@ -98,7 +105,7 @@ impl Background {
         let measured = self.collect(run);
         if step >= self.due && self.running.is_none() {
             self.due = (step / self.plan.every + 1) * self.plan.every;
-            self.begin(run, save);
+            self.begin(run, Training::GoesOn, save);
         }
         measured
     }
@@ -108,7 +115,7 @@ impl Background {
         self.wait();
         self.collect(run).into_iter().for_each(&mut take);
         if self.last != Some(last.step) {
-            self.begin(run, || Ok(last.clone()));
+            self.begin(run, Training::Ended, || Ok(last.clone()));
             self.wait();
             self.collect(run).into_iter().for_each(&mut take);
         }
@@ -121,8 +128,8 @@ impl Background {
         }
     }
 
-    fn begin(&mut self, run: &RunFolder, save: impl FnOnce() -> miette::Result<Checkpoint>) {
-        match self.spawn(run, save) {
+    fn begin(&mut self, run: &RunFolder, training: Training, save: impl FnOnce() -> miette::Result<Checkpoint>) {
+        match self.spawn(run, training, save) {
             Ok(running) => {
                 self.last = Some(running.step);
                 self.running = Some(running);
@@ -131,7 +138,12 @@ impl Background {
         }
     }
 
-    fn spawn(&self, run: &RunFolder, save: impl FnOnce() -> miette::Result<Checkpoint>) -> miette::Result<Running> {
+    fn spawn(
+        &self,
+        run: &RunFolder,
+        training: Training,
+        save: impl FnOnce() -> miette::Result<Checkpoint>,
+    ) -> miette::Result<Running> {
         let checkpoint = save()?;
         let path = transfer::checkpoint(run, checkpoint.step);
         checkpoint.write(&path)?;
@@ -140,7 +152,7 @@ impl Background {
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot write {}", log.display()))?;
         let errors = output.try_clone().into_diagnostic()?;
-        let mut command = self.command(run, &path)?;
+        let mut command = self.command(run, training, &path)?;
         let child = command
             .env("RAYON_NUM_THREADS", "1")
             .stdin(Stdio::null())
@@ -155,9 +167,9 @@ impl Background {
         })
     }
 
-    fn command(&self, run: &RunFolder, checkpoint: &Path) -> miette::Result<Command> {
+    fn command(&self, run: &RunFolder, training: Training, checkpoint: &Path) -> miette::Result<Command> {
         let program = std::env::current_exe().into_diagnostic()?;
-        let mut command = if cfg!(unix) {
+        let mut command = if cfg!(unix) && training == Training::GoesOn {
             let mut nice = Command::new("nice");
             nice.args(["-n", "19"]).arg(program);
             nice
