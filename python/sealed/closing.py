@@ -18,7 +18,7 @@ from .walk_case import ROBOT
 
 MACHINE = "worn"
 
-REPORTED = ["verdict", "accepted", "indistinguishable", "nominal", "refit", "final"]
+REPORTED = ["verdict", "accepted", "indistinguishable", "unexplained", "nominal", "refit", "final", "noise_floor", "gap_closed"]
 """Keys of `report.json` that a result keeps."""
 
 STAGES = {"before": "as it was", "without": "trained on, nominal robot", "with": "trained on, identified robot"}

@@ -275,6 +275,9 @@ impl<'a> Selector<'a> {
                 ));
             }
         }
+        if !steps.now.fit.model.terms.is_empty() {
+            log("no more effects; next: whether one explains what two do, and what could take the place of each");
+        }
         self.merge(&mut steps);
         let curves = self.undo_curves(&mut steps);
         let alike = self.exchange(&mut steps);
