@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
+from .cases import ensure
+
 OPEN = 1.5
 """Where re-tuning leaves less than so many times the floor, it explains what is wrong, and there is no gap to close."""
 
@@ -75,11 +77,13 @@ class Outcome:
 
 
 def load(out: Path, results: Path) -> list[Outcome]:
-    """Every result with its truth."""
+    """Every result with its truth; a case that is not under `out` is made again."""
     return [_outcome(path, out) for path in sorted(results.glob("*.json"))]
 
 
 def _outcome(path: Path, out: Path) -> Outcome:
+    machine, _, seed = path.stem.rpartition("-")
+    ensure(machine, int(seed), out)
     truth = json.loads((out / "truth" / path.name).read_text())
     report = json.loads(path.read_text())["report"]
     squares = [

@@ -75,6 +75,14 @@ def test_names_false_alarms_and_leading_variables_are_counted(judged):
     assert math.isnan(judged[3].gap_closed()), "re-tuning left nothing to close"
 
 
+def test_a_truth_that_is_not_there_is_made_again(tmp_path):
+    results = tmp_path / "results"
+    results.mkdir()
+    runner.write(results / "rig-1000.json", {"report": CASES["rig-0004"][1]})
+    (outcome,) = summary.load(tmp_path / "made", results)
+    assert (outcome.kind, outcome.verdict) == ("none", "no_missing_effect")
+
+
 @pytest.mark.parametrize(
     ("names", "sets", "right"),
     [
