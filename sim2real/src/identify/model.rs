@@ -254,6 +254,11 @@ impl Model {
         }
     }
 
+    /// Whether anything is held.
+    pub fn is_held(&self) -> bool {
+        self.tuned.iter().any(|tuned| tuned.held) || self.terms.iter().any(|term| term.held)
+    }
+
     /// Holds what is re-tuned on joints without an effect.
     pub fn hold_plain(&mut self, robot: &Robot) {
         let with: Vec<Option<usize>> = self

@@ -1,5 +1,6 @@
 //! Effects whose size the logs leave open down to none: they predict better, and still are no finding.
 
+use super::super::fit::total;
 use super::super::interval;
 use super::super::model::Term;
 use super::{Selection, Selector};
@@ -13,7 +14,11 @@ impl Selector<'_> {
             let mut model = selection.last.model.clone();
             let Term { kind, target, .. } = model.terms.remove(i);
             let doubted = |term: &Term| (term.kind, term.target) == (kind, target);
-            let without = self.fit(&model).fit;
+            let mut without = self.fit(&model).fit;
+            // What was re-tuned beside an effect may be in a lesser minimum than what was re-tuned alone.
+            if model.terms.is_empty() && total(&selection.refit.losses) < total(&without.losses) {
+                without = selection.refit.clone();
+            }
             selection.take_out(&doubted, without, "its 95 % interval holds no effect at all");
         }
         selection.last.model.terms.len() < before

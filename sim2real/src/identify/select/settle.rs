@@ -44,7 +44,11 @@ impl Selector<'_> {
                     let tried = self.try_all(steps, &without, candidates).judged;
                     let best = tried.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
                     if let Some(best) = best.filter(|best| !self.apart(&best.cross, &steps.now.cross)) {
-                        steps.now = best.clone();
+                        // What is on other joints was held.
+                        steps.now = match best.fit.model.is_held() {
+                            true => self.fit_near(&best.fit.model),
+                            false => best.clone(),
+                        };
                         continue 'again;
                     }
                 }
