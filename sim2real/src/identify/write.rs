@@ -86,7 +86,12 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
     let mut last = None;
     for tuned in &model.tuned {
         if last != Some(tuned.dof) {
-            let _ = write!(out, "\n[[joint]]\nmatch = [{:?}]\n", robot.dof(tuned.dof).name);
+            let joint = robot.dof(tuned.dof);
+            let _ = write!(out, "\n[[joint]]\nmatch = [{:?}]\n", joint.name);
+            // Where no file has it, it is guessed from the torque limit, which may be another now.
+            if let Some(actuator) = &joint.actuator {
+                let _ = writeln!(out, "kp = {:?}", actuator.kp);
+            }
             last = Some(tuned.dof);
         }
         let said = match (comment(), model.has(Kind::ResidualTorque, tuned.dof)) {
