@@ -11,10 +11,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
-use omniwalk_env::robot::{Base, Robot};
+use omniwalk_env::robot::{self, Base, Robot};
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use omniwalk_sim2real::recording::{Recording, Series};
-use rig::{RIG, identify, identify_files_aloud, identify_into, logs, rig};
+use rig::{LIMITS_ALONE, RIG, identify, identify_files, identify_files_aloud, identify_into, load, logs, rig};
 
 /// Logs that are fitted: one of each kind of motion, and another triangle.
 const LOGS: u64 = 4;
@@ -44,6 +44,22 @@ fn a_model_that_only_needs_other_values_lacks_nothing() {
     let sum = truth.joints[0].passive.damping + truth.joints[0].actuator.expect("a motor").kd;
     let found = retuned("damping").value + retuned("kd").value;
     assert!((found / sum - 1.0).abs() < 0.05, "{found} for {sum}");
+}
+
+#[test]
+fn a_stiffness_that_was_guessed_from_the_limit_stays_where_the_limit_is_another() {
+    let nominal = load(LIMITS_ALONE);
+    let mut truth = nominal.clone();
+    truth.joints[0].actuator.as_mut().expect("a motor").torque_limit = 0.8;
+    let folder = tempfile::tempdir().expect("a folder");
+    let heldout = Some(logs(&truth, 2, 100));
+    let outcome = identify_files(folder.path(), LIMITS_ALONE, &nominal, logs(&truth, LOGS, 1), heldout);
+    let written = robot::load(&folder.path().join("robot")).expect("a robot");
+    let [nominal, written] = [&nominal, &written].map(|robot| robot.joints[0].actuator.expect("a motor"));
+    assert!((written.torque_limit / 0.8 - 1.0).abs() < 0.1, "{written:?}");
+    assert_eq!(written.kp, nominal.kp);
+    let [refit, last] = [&outcome.refit, &outcome.last].map(|errors| errors.fit.overall());
+    assert!(last < 1.1 * refit, "{last} {refit}");
 }
 
 /// Whether `kind` with `values` is named, alone, and its first value found.

@@ -20,6 +20,12 @@ pub type Files = (&'static str, &'static str);
 /// The rig's.
 pub const RIG: Files = (URDF, TOML);
 
+/// The same rig, of whose servo only the limits are told.
+pub const LIMITS_ALONE: Files = (
+    URDF,
+    "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\ndamping = 0.02\nfriction = 0.04\n",
+);
+
 /// Writes the files of a robot into `folder`.
 fn write(folder: &Path, (urdf, toml): Files) {
     std::fs::write(folder.join("rig.urdf"), urdf).expect("written");
