@@ -1,4 +1,4 @@
-//! A hinge that swings, for tests.
+//! Hinges that swing, for tests.
 
 use omniwalk_env::robot::{Robot, load};
 
@@ -7,33 +7,47 @@ use super::fit::Data;
 use super::trial::Trial;
 use crate::recording::{JointRecord, Recording, Series};
 
-const URDF: &str = r#"<robot name="arm"><link name="base"/>
-<link name="arm"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="8"/></joint></robot>"#;
+/// What moves with the hinge called `name`, and that, on `parent`.
+fn link(parent: &str, name: &str) -> String {
+    format!(
+        r#"<link name="of_{name}"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="of_{name}"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="20" velocity="8"/></joint>"#
+    )
+}
 
-/// Its robot, with `settings` of the joint.
+/// The robot of one, with `settings` of the joint.
 pub fn robot(settings: &str) -> Robot {
+    chain(&["hinge"], settings)
+}
+
+/// The robot of several `hinges`, one after the other, with `settings` of each.
+pub fn chain(hinges: &[&str], settings: &str) -> Robot {
+    let parents = ["base".to_owned()]
+        .into_iter()
+        .chain(hinges.iter().map(|name| format!("of_{name}")));
+    let links: String = parents.zip(hinges).map(|(parent, name)| link(&parent, name)).collect();
     let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("arm.urdf"), URDF).expect("written");
+    let urdf = format!(r#"<robot name="arm"><link name="base"/>{links}</robot>"#);
+    std::fs::write(folder.path().join("arm.urdf"), urdf).expect("written");
     let toml = format!("base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\n{settings}");
     std::fs::write(folder.path().join("robot.toml"), toml).expect("written");
     load(folder.path()).expect("a robot")
 }
 
-/// So many `logs` of 8 s at 200 Hz of a swing that follows its command at once, in blocks and pieces of `lengths`.
+/// So many `logs` of 8 s at 200 Hz of swings that follow their commands at once, in blocks and pieces of `lengths`.
 pub fn swings(robot: &Robot, logs: usize, lengths: Lengths) -> Data {
     let time: Vec<f64> = (0..1600).map(|k| f64::from(k) * 5e-3).collect();
     let value = time.iter().map(|t| (3.0 * t).sin()).collect();
     let series = Series { time, value };
-    let hinge = JointRecord {
-        name: "hinge".into(),
+    let joint = |d: usize| JointRecord {
+        name: robot.dof(d).name.clone(),
         command: series.clone(),
-        position: series,
+        position: series.clone(),
         ..JointRecord::default()
     };
     let log = Recording {
         name: "log".into(),
-        joints: vec![hinge],
+        joints: (0..robot.dofs.len()).map(joint).collect(),
         ..Recording::default()
     };
     let cut = |index| cut::cut(robot, &log, index, (0.0, f64::INFINITY), lengths).expect("trials");

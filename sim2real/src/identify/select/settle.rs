@@ -170,3 +170,76 @@ fn reduced(model: &Model) -> Vec<Model> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::super::cross::Folds;
+    use super::super::super::cut::Lengths;
+    use super::super::super::fit::Data;
+    use super::super::super::floor::Floor;
+    use super::super::super::hinge::{chain, swings};
+    use super::super::super::model::Term;
+    use super::super::super::scales::Scales;
+    use super::super::terms;
+    use super::*;
+
+    /// Reads in `data` what `truth` predicts, 0.2 mrad to either side.
+    fn read(data: &mut Data, truth: &Model) {
+        let predictions = data.predict(std::slice::from_ref(truth));
+        for (trial, parts) in Arc::make_mut(&mut data.trials).iter_mut().zip(&predictions) {
+            let width = parts[0].len() / trial.readings.len();
+            for (i, reading) in trial.readings.iter_mut().enumerate() {
+                let noise = if i * 7 % 3 == 0 { 2e-4 } else { -1e-4 };
+                reading.position = parts[0][i * width] + noise;
+            }
+        }
+    }
+
+    #[test]
+    fn what_takes_the_place_of_two_effects_is_fitted_with_what_other_joints_have() {
+        let robot = chain(&["upper", "lower"], "kp = 30.0\nkd = 1.0\n");
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let mut data = swings(&robot, 2, lengths);
+        let term = |kind: Kind, values: &[f64]| Term {
+            kind,
+            target: 0,
+            values: values.to_vec(),
+            free: vec![0],
+            table: None,
+            held: false,
+        };
+        let nominal = Model::nominal(&robot, &data.trials);
+        let with = |terms: Vec<Term>| Model {
+            terms,
+            ..nominal.clone()
+        };
+        read(&mut data, &with(vec![term(Kind::CommandRateLimit, &[1.5])]));
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        let two = with(vec![term(Kind::CommandDelay, &[0.1]), term(Kind::CommandGain, &[0.7])]);
+        let mut steps = Steps {
+            now: selector.fit_near(&two),
+            rejected: Vec::new(),
+            most: 0,
+            counts: Vec::new(),
+            known: vec![(terms(&nominal), selector.fit(&nominal))],
+            tried: Vec::new(),
+        };
+        selector.merge(&mut steps);
+        let Judged { fit, .. } = &steps.now;
+        assert_eq!(terms(&fit.model)[0].0, "command_rate_limit");
+        assert_eq!(fit.model.terms.len(), 1);
+        assert!(!fit.model.is_held());
+        assert!(
+            (fit.model.terms[0].values[0] - 1.5).abs() < 0.02,
+            "{:?}",
+            fit.model.terms
+        );
+    }
+}
