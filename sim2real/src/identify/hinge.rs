@@ -1,9 +1,12 @@
 //! Hinges that swing, for tests.
 
+use std::sync::Arc;
+
 use omniwalk_env::robot::{Robot, load};
 
 use super::cut::{self, Lengths};
 use super::fit::Data;
+use super::model::Model;
 use super::trial::Trial;
 use crate::recording::{JointRecord, Recording, Series};
 
@@ -53,4 +56,16 @@ pub fn swings(robot: &Robot, logs: usize, lengths: Lengths) -> Data {
     let cut = |index| cut::cut(robot, &log, index, (0.0, f64::INFINITY), lengths).expect("trials");
     let trials: Vec<Trial> = (0..logs).flat_map(cut).collect();
     Data::new(robot, trials).expect("data")
+}
+
+/// Reads in `data` what `truth` predicts, 0.2 mrad above or half of that below.
+pub fn read(data: &mut Data, truth: &Model) {
+    let predictions = data.predict(std::slice::from_ref(truth));
+    for (trial, parts) in Arc::make_mut(&mut data.trials).iter_mut().zip(&predictions) {
+        let width = parts[0].len() / trial.readings.len();
+        for (i, reading) in trial.readings.iter_mut().enumerate() {
+            let noise = if i * 7 % 3 == 0 { 2e-4 } else { -1e-4 };
+            reading.position = parts[0][i * width] + noise;
+        }
+    }
 }

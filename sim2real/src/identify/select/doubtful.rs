@@ -53,6 +53,12 @@ fn doubt(term: &Term, halves: &[f64]) -> Option<f64> {
 mod tests {
     use omniwalk_env::effect::Kind;
 
+    use super::super::super::cross::Folds;
+    use super::super::super::cut::Lengths;
+    use super::super::super::floor::Floor;
+    use super::super::super::hinge::{read, robot, swings};
+    use super::super::super::model::Model;
+    use super::super::super::scales::Scales;
     use super::*;
 
     /// The doubt of an effect with `value` as every number, of which those called `sizes` have half widths.
@@ -96,5 +102,41 @@ mod tests {
         );
         let limit = doubt_of(Kind::CommandRateLimit, 12.0, &[("speed", 15.0)]);
         assert_eq!(limit, Some(1.25), "no limit is an infinite one");
+    }
+
+    #[test]
+    fn without_its_only_effect_a_model_is_no_worse_than_re_tuning_alone() {
+        let robot = robot("kp = 30.0\nkd = 1.0\n");
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let mut data = swings(&robot, 2, lengths);
+        let nominal = Model::nominal(&robot, &data.trials);
+        read(&mut data, &nominal);
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        let mut selection = selector.run(&nominal, &[], &|_| ());
+        assert!(selection.last.model.terms.is_empty());
+        let mut with = nominal;
+        with.terms = vec![Term {
+            kind: Kind::CommandDelay,
+            target: 0,
+            values: vec![1e-5],
+            free: vec![0],
+            table: None,
+            held: false,
+        }];
+        selection.last = selector.fit(&with).fit;
+        selection.p_values = vec![0.0];
+        // A minimum that what is re-tuned beside the effect has no way to.
+        selection.refit.losses.iter_mut().for_each(|loss| loss.squares *= 0.5);
+        assert!(selector.drop_doubtful(&mut selection));
+        assert_eq!(
+            selection.rejected.last().map(|rejected| rejected.kind),
+            Some(Kind::CommandDelay)
+        );
+        assert_eq!(total(&selection.last.losses), total(&selection.refit.losses));
     }
 }

@@ -173,29 +173,14 @@ fn reduced(model: &Model) -> Vec<Model> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::super::super::cross::Folds;
     use super::super::super::cut::Lengths;
-    use super::super::super::fit::Data;
     use super::super::super::floor::Floor;
-    use super::super::super::hinge::{chain, swings};
+    use super::super::super::hinge::{chain, read, swings};
     use super::super::super::model::Term;
     use super::super::super::scales::Scales;
     use super::super::terms;
     use super::*;
-
-    /// Reads in `data` what `truth` predicts, 0.2 mrad to either side.
-    fn read(data: &mut Data, truth: &Model) {
-        let predictions = data.predict(std::slice::from_ref(truth));
-        for (trial, parts) in Arc::make_mut(&mut data.trials).iter_mut().zip(&predictions) {
-            let width = parts[0].len() / trial.readings.len();
-            for (i, reading) in trial.readings.iter_mut().enumerate() {
-                let noise = if i * 7 % 3 == 0 { 2e-4 } else { -1e-4 };
-                reading.position = parts[0][i * width] + noise;
-            }
-        }
-    }
 
     #[test]
     fn what_takes_the_place_of_two_effects_is_fitted_with_what_other_joints_have() {
