@@ -58,13 +58,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
         pool.build_global().into_diagnostic()?;
     }
     apart(&args.logs, &args.heldout)?;
-    if holds_result(&args.out.join("report.json")) {
-        return Err(miette!(
-            help = "give another folder with --out, or remove this one",
-            "{} holds the result of another identification",
-            args.out.display()
-        ));
-    }
+    free(&args.out, &args.robot)?;
     let robot = load::held(&args.robot, args.stand)?;
     let map = args.map.as_deref().map(Map::load).transpose()?;
     let logs = load::recordings(&args.logs, map.as_ref())?;
@@ -85,8 +79,10 @@ pub fn run(args: &Args) -> miette::Result<()> {
     };
     let outcome = identify::run(&task, &|line| tell(format_args!("{line}")))?;
     let json = serde_json::to_string_pretty(&outcome).into_diagnostic()? + "\n";
-    load::write(&args.out.join("report.json"), &json)?;
+    // A folder with report.json is whole; one without goes on.
     load::write(&args.out.join("report.html"), &identification::page(&outcome)?)?;
+    load::write(&args.out.join("report.json"), &json)?;
+    identify::close(&args.out)?;
     if outcome.verdict == Verdict::InsufficientData {
         let own = outcome.reasons.iter().map(String::as_str);
         // What the check refused stands above.
@@ -109,6 +105,37 @@ pub fn run(args: &Args) -> miette::Result<()> {
         )),
         None => Ok(()),
     }
+}
+
+/// Whether `out` may be written to: it holds no result, and no robot but one of an identification that was interrupted.
+fn free(out: &Path, robot: &Path) -> miette::Result<()> {
+    let help = "give another folder with --out, or remove this one";
+    if holds_result(&out.join("report.json")) {
+        return Err(miette!(
+            help = help,
+            "{} holds the result of another identification",
+            out.display()
+        ));
+    }
+    let written = out.join("robot");
+    let Ok(place) = std::fs::canonicalize(&written) else {
+        return Ok(());
+    };
+    if std::fs::canonicalize(robot).is_ok_and(|robot| robot.starts_with(&place)) {
+        return Err(miette!(
+            help = help,
+            "{} would be written over the robot that is read",
+            written.display()
+        ));
+    }
+    if !identify::is_unfinished(out) {
+        return Err(miette!(
+            help = help,
+            "{} is there already, and of no identification that goes on",
+            written.display()
+        ));
+    }
+    Ok(())
 }
 
 /// Whether the report at `path` is a result; that logs could not carry one is none.

@@ -147,6 +147,36 @@ fn a_held_out_log_that_is_none_is_refused_before_anything_is_searched() {
 }
 
 #[test]
+fn a_robot_that_is_there_already_is_not_written_over() {
+    let prepare = |folder: &Path| {
+        prepare(folder);
+        for robot in ["own/robot", "found/robot"] {
+            fs::create_dir_all(folder.join(robot)).unwrap();
+            for file in ["pendulum.urdf", "robot.toml"] {
+                let from = crate::support::robot("pendulum").join(file);
+                fs::copy(from, folder.join(robot).join(file)).unwrap();
+            }
+        }
+    };
+    let identify = [
+        "identify",
+        "a.csv",
+        "b.csv",
+        "--map",
+        "map.toml",
+        "--robot",
+        "own/robot",
+        "--out",
+    ];
+    for (out, part) in [
+        ("own", "would be written over the robot that is read"),
+        ("found", "found/robot is there already"),
+    ] {
+        refuses_in(prepare, &[&identify[..], &[out]].concat(), &[part]);
+    }
+}
+
+#[test]
 fn motions_to_record_say_what_they_show_and_what_they_do_not() {
     let folder = tempfile::tempdir().unwrap();
     let pendulum = robot("pendulum");

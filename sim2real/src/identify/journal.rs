@@ -10,7 +10,7 @@ use std::fmt::{self, Debug, Write as _};
 use std::fs::{File, OpenOptions};
 use std::hash::{DefaultHasher, Hasher};
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 /// Bytes of a number and of a key.
@@ -47,7 +47,6 @@ pub fn hash_of_numbers(numbers: impl Iterator<Item = f64>) -> u64 {
 /// Numbers by the hash of what they follow from, in a file.
 #[derive(Debug)]
 pub struct Journal {
-    path: PathBuf,
     file: Mutex<File>,
     known: HashMap<u64, Vec<f64>>,
 }
@@ -73,7 +72,6 @@ impl Journal {
         file.set_len(end)?;
         file.seek(SeekFrom::Start(end))?;
         Ok(Self {
-            path: path.to_owned(),
             file: Mutex::new(file),
             known,
         })
@@ -100,14 +98,6 @@ impl Journal {
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         // What is not kept is computed again: no reason to end here.
         let _ = file.write_all(&record);
-    }
-
-    /// Removes the file: what it was kept for is done.
-    ///
-    /// # Errors
-    /// When it cannot be removed.
-    pub fn close(&self) -> io::Result<()> {
-        std::fs::remove_file(&self.path)
     }
 }
 
@@ -181,8 +171,6 @@ mod tests {
         assert_eq!(Journal::open(&path, &1.0_f64.next_up()).expect("a journal").len(), 0);
         let journal = Journal::open(&path, &1.0).expect("a journal");
         assert_eq!(journal.known(1), None, "the other one took its place");
-        journal.close().expect("removed");
-        assert!(!path.exists());
     }
 
     proptest::proptest! {

@@ -68,6 +68,7 @@ pub use shown::{Confused, shown};
 pub use torque::{Moment, lacking, names};
 pub use trial::{DT, Trial, TrialError};
 
+use std::path::Path;
 use std::sync::Arc;
 
 use omniwalk_env::engine::EngineError;
@@ -185,9 +186,11 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     if !reasons.is_empty() {
         return Ok(Outcome::insufficient(robot, reasons, check));
     }
+    for trial in &split.fit {
+        trial.robot(robot)?;
+    }
     let journal = opened(task, log)?;
     let Some((found, fitted)) = search(task, &split, &journal, log)? else {
-        journal.close().map_err(|source| cannot_write(task, source))?;
         return Ok(Outcome::insufficient(
             robot,
             vec!["the robot has no joint".into()],
@@ -214,14 +217,31 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     let mut outcome = outcome::outcome(parts, heldout)?;
     let far = outcome.check.far_off(&outcome.nominal.fit.rmse.0);
     far.into_iter().for_each(|finding| log(&format!("note: {finding}")));
-    journal.close().map_err(|source| cannot_write(task, source))?;
     Ok(outcome)
+}
+
+/// Whether `out` holds what an interrupted [`run`] goes on from.
+pub fn is_unfinished(out: &Path) -> bool {
+    out.join(JOURNAL).exists()
+}
+
+/// Removes what an interrupted [`run`] into `out` would go on from: what came of it is written.
+///
+/// # Errors
+/// [`IdentifyError::Write`] when it cannot be removed.
+pub fn close(out: &Path) -> Result<(), IdentifyError> {
+    let path = out.join(JOURNAL);
+    if !path.exists() {
+        return Ok(());
+    }
+    std::fs::remove_file(&path).map_err(|source| cannot_write(&path, source))
 }
 
 /// The journal of a task, in the folder of what comes out.
 fn opened(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Arc<Journal>, IdentifyError> {
     let all = (task.robot, &task.logs);
-    let journal = Journal::open(&task.out.join(JOURNAL), &all).map_err(|source| cannot_write(task, source))?;
+    let path = task.out.join(JOURNAL);
+    let journal = Journal::open(&path, &all).map_err(|source| cannot_write(&path, source))?;
     if journal.len() > 0 {
         log(&format!(
             "goes on where it was interrupted: {} results are known",
@@ -231,8 +251,8 @@ fn opened(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Arc<Journal>, IdentifyE
     Ok(Arc::new(journal))
 }
 
-fn cannot_write(task: &Task<'_>, source: std::io::Error) -> IdentifyError {
-    let path = task.out.join(JOURNAL).display().to_string();
+fn cannot_write(path: &Path, source: std::io::Error) -> IdentifyError {
+    let path = path.display().to_string();
     IdentifyError::Write { path, source }
 }
 
@@ -266,9 +286,6 @@ fn search(
     log: &dyn Fn(&str),
 ) -> Result<Option<(Found, Vec<Trial>)>, IdentifyError> {
     let robot = task.robot;
-    for trial in &split.fit {
-        trial.robot(robot)?;
-    }
     let limbs = robot.limbs();
     let search = Search {
         limbs: limbs.len(),

@@ -104,6 +104,7 @@ pub fn identify_files_aloud(
         out: folder,
     };
     let outcome = identify::run(&task, log).expect("an outcome");
+    identify::close(folder).expect("removed");
     no_effect_may_be_none(&outcome);
     outcome
 }
