@@ -11,6 +11,8 @@ use super::{Fault, JointCheck, LogCheck};
 const FEWEST_READINGS: usize = 100;
 /// Least time of motion of all logs together, s: no less than identification needs to fit to, so that one of the two says so.
 const LEAST_SECONDS: f64 = 3.0;
+/// No bus reads encoders faster, Hz.
+const FASTEST_RATE: f64 = 5e4;
 /// Motion within this share of the range is little.
 const LITTLE: f64 = 0.02;
 /// The range of a joint that turns freely, rad or m.
@@ -78,9 +80,19 @@ impl Findings {
         }
         let seconds: f64 = logs.iter().map(|log| log.seconds).sum();
         if seconds < LEAST_SECONDS {
+            let fastest = logs
+                .iter()
+                .flat_map(|log| &log.joints)
+                .map(|check| check.position.rate)
+                .fold(0.0, f64::max);
+            let unit = match fastest > FASTEST_RATE {
+                true => format!(" (readings at {} Hz: the time's unit is another)", fixed(fastest, 0)),
+                false => String::new(),
+            };
             let seconds = fixed(seconds, 2);
-            let message =
-                format!("{seconds} s in all logs together; at least {LEAST_SECONDS} s are needed, and 20 s are good");
+            let message = format!(
+                "{seconds} s in all logs together; at least {LEAST_SECONDS} s are needed, and 20 s are good{unit}"
+            );
             self.refuse(Fault::TooShort, At::default(), message);
         }
         if moved == 0 && seen > 0 {

@@ -1,13 +1,15 @@
 //! Commands and readings: whether they are of one time, and of one joint.
 
+use std::ops::Range;
+
 use omniwalk_env::robot::Joint;
 
 use super::findings::{At, Findings};
-use super::relation::{Relation, against_command, followed_far};
+use super::relation::{Relation, against_command, followed_far, following_while_off};
 use super::rules::{COMMANDED, LEAST_RANGE};
 use super::text::fixed;
 use super::{Fault, JointCheck, LogCheck};
-use crate::recording::{CommandKind, LONGEST_PAUSE, Recording, Series};
+use crate::recording::{CommandKind, JointRecord, LONGEST_PAUSE, Recording, Series};
 
 /// What a lag leaves of what does not follow without it, from which on it is worth a remark, and from which on it is no chance.
 const REMARKED: f64 = 0.5;
@@ -18,16 +20,21 @@ const REMARKED_LEAD: f64 = 0.015;
 const LONGEST_LEAD: f64 = 0.045;
 /// A servo that does just what it is told does so within this time, s.
 const LONGEST_LAG: f64 = 0.305;
+/// What correlates better with its commands, and is as wide within these bounds, follows them.
+const FOLLOWED: f64 = 0.95;
+const FOLLOWS: Range<f64> = 0.8..1.25;
+/// A log of which more, as a share, is without commands is none of what a joint was told.
+const MOST_LOST: f64 = 0.5;
 
 impl Findings {
-    /// Commands and readings have to be of the same time.
-    pub(super) fn clocks(&mut self, recording: &Recording, check: &JointCheck, at: At<'_>) {
+    /// Commands and readings have to be of the same time. Whether they are of times so far apart that nothing else is to be said of them.
+    pub(super) fn clocks(&mut self, recording: &Recording, check: &JointCheck, at: At<'_>) -> bool {
         let Some(record) = recording.joint(&check.name) else {
-            return;
+            return false;
         };
         let ends = |series: &Series| Some((*series.time.first()?, *series.time.last()?));
         let (Some(command), Some(position)) = (ends(&record.command), ends(&record.position)) else {
-            return;
+            return false;
         };
         let measured_after = position.1 - command.0;
         let apart = command.0 > position.1 || command.1 - position.1 > LONGEST_PAUSE;
@@ -53,6 +60,35 @@ impl Findings {
                 self.lag(&relation, at);
             }
         }
+        apart
+    }
+
+    /// Stretches without commands are not compared.
+    pub(super) fn lost_commands(&mut self, recording: &Recording, at: At<'_>) {
+        let record = at.joint.and_then(|joint| recording.joint(joint));
+        let lost = record.map(JointRecord::lost_commands).unwrap_or_default();
+        let longest = lost
+            .iter()
+            .copied()
+            .reduce(|a, b| if b.1 - b.0 > a.1 - a.0 { b } else { a });
+        let Some((from, to)) = longest else {
+            return;
+        };
+        let seconds: f64 = lost.iter().map(|(from, to)| to - from).sum();
+        if seconds > MOST_LOST * recording.duration() {
+            let share = fixed(100.0 * seconds / recording.duration(), 0);
+            let message = format!(
+                "no commands for {share} % of the time, while the motor is on and the joint is not seen to rest: what it was told is not known"
+            );
+            return self.refuse(Fault::NoCommand, at, message);
+        }
+        let message = format!(
+            "commands are missing, for {} s at most, from {} s on, while the joint is not seen to rest: that time, with what follows in \
+             the next half second or so, is left out",
+            fixed(to - from, 2),
+            fixed(from, 2)
+        );
+        self.remark(Fault::Gaps, at, message);
     }
 
     /// A position that goes best with its command at another time than a servo's.
@@ -101,6 +137,19 @@ impl Findings {
                 fixed(relation.best_correlation, 2)
             );
             self.refuse(Fault::Unrelated, at, message);
+        }
+    }
+
+    /// A motor that is off follows nothing.
+    pub(super) fn switch(&mut self, recording: &Recording, check: &JointCheck, at: At<'_>) {
+        let relation = recording.joint(&check.name).and_then(following_while_off);
+        let follows = relation.filter(|own| own.best_correlation > FOLLOWED && FOLLOWS.contains(&own.ratio));
+        if let Some(relation) = follows.filter(|_| check.command.width() > COMMANDED) {
+            let message = format!(
+                "the joint follows its commands while its motor is said to be off (correlation {}): `enabled` is inverted, or another joint's",
+                fixed(relation.best_correlation, 2)
+            );
+            self.refuse(Fault::Switch, at, message);
         }
     }
 

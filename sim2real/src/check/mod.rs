@@ -66,8 +66,12 @@ pub enum Fault {
     Outliers,
     /// Rows without a reading.
     Missing,
-    /// Two joints with the same readings.
+    /// Two joints with the same readings, or commands that are the readings.
     SameReadings,
+    /// A log that is another's copy.
+    Copy,
+    /// A motor that follows its commands while it is said to be off.
+    Switch,
     /// Readings that are far apart.
     LowRate,
     /// Joints of the log that the robot does not have.

@@ -17,9 +17,15 @@ const AT_BOUND: f64 = 0.3;
 const REST: (usize, f64) = (10, 0.05);
 /// Commands that differ by this share of their range are not the same.
 const BEYOND: f64 = 0.03;
-/// A joint stops dead whose last step is no less than this share of the one before, and so many steps of its encoder or of noise.
+/// A command that goes on by this share of its range is far beyond a joint that does not; twice is no chance.
+const FAR_BEYOND: f64 = 0.1;
+const TWICE: usize = 2;
+/// A joint stops dead whose way over the last readings is no less than this share of that over as many before, and so many steps of its
+/// encoder or of noise.
 const DEAD: f64 = 0.6;
 const SHOWN: f64 = 3.0;
+/// So many readings: at a few hundred Hz a slow joint goes by less than a step from one to the next.
+const WAY: usize = 3;
 /// So many readings of two joints are not the same by chance; a few of coarse encoders are.
 const MANY: usize = 50;
 /// Rows without a position up to this share are lost; above it, joints have rows of their own.
@@ -29,6 +35,7 @@ impl Findings {
     /// What is wrong with the readings of a joint.
     pub(super) fn readings(&mut self, recording: &Recording, check: &JointCheck, joint: &Joint, at: At<'_>) {
         self.stuck(check, at);
+        self.told_what_it_did(recording, check, at);
         self.saturated(recording, check, joint, at);
         if check.outliers > 0 {
             let message = format!(
@@ -102,6 +109,39 @@ impl Findings {
         }
     }
 
+    /// Readings that are the commands to the last bit: one column for two.
+    fn told_what_it_did(&mut self, recording: &Recording, check: &JointCheck, at: At<'_>) {
+        let Some(record) = recording.joint(&check.name) else {
+            return;
+        };
+        let own = record.position.time.iter().zip(&record.position.value);
+        let same = own
+            .clone()
+            .all(|(time, value)| record.command.held_at(*time) == Some(value));
+        if same && check.position.samples >= MANY && check.position.width() > 0.0 {
+            let message = "its readings are its commands throughout: the map gives one column to both, or the robot was simulated without a motor";
+            self.refuse(Fault::SameReadings, at, message);
+        }
+    }
+
+    /// Logs that are copies of others: what they show would count twice, and be held out from itself.
+    pub(super) fn copies(&mut self, recordings: &[Recording]) {
+        let moves = |recording: &Recording| {
+            let mut joints = recording.joints.iter().map(|joint| &joint.position.value);
+            joints.any(|own| own.len() >= MANY && own.iter().any(|value| *value != own[0]))
+        };
+        for (i, one) in recordings.iter().enumerate().filter(|(_, one)| moves(one)) {
+            if let Some(first) = recordings[..i].iter().find(|other| other.is_copy_of(one)) {
+                let at = At {
+                    log: Some(&one.name),
+                    joint: None,
+                };
+                let message = format!("its readings are those of {}: give each log once", first.name);
+                self.refuse(Fault::Copy, at, message);
+            }
+        }
+    }
+
     /// Joints of a log whose readings are the same to the last bit: one column for two.
     pub(super) fn same_readings(&mut self, recording: &Recording, log: &LogCheck) {
         let tells = |one: &JointCheck| one.position.samples >= MANY && one.position.width() > 0.0;
@@ -137,40 +177,44 @@ impl Findings {
     }
 }
 
-/// The largest or smallest reading, where the joint stops dead at it again and again, whatever its command goes on to: a joint that sticks
-/// stops where its command turned, and one that its load holds up slows down before.
+/// The largest or smallest reading, where the joint stops dead at it again and again, while its command goes on far or to different
+/// places: a joint that sticks stops where its command turned, and one that its load holds up slows down before.
 fn dead_stop(record: &JointRecord, check: &JointCheck) -> Option<f64> {
     if record.command_kind != CommandKind::Position {
         return None;
     }
     let [smallest, largest] = check.position.range?;
-    let least = BEYOND * check.command.width();
+    let [least, far] = [BEYOND, FAR_BEYOND].map(|share| share * check.command.width());
     let step = SHOWN * check.position.resolution.max(check.position.noise);
-    [(largest, 1.0), (smallest, -1.0)]
-        .into_iter()
-        .find_map(|(bound, outward)| {
-            let farthest = |rest: Rest| farthest(&record.command, rest, outward);
-            let told: Vec<f64> = rests(&record.position, bound, step)
-                .into_iter()
-                .filter_map(farthest)
-                .collect();
-            let [low, high] = [f64::min, f64::max].map(|pick| told.iter().copied().reduce(pick));
-            (high? - low? > least).then_some(bound)
-        })
+    // How far out the command is when each rest at a bound begins, and the farthest that it goes meanwhile.
+    let told = |bound: f64, outward: f64| -> Vec<(f64, f64)> {
+        let rests = rests(&record.position, bound, step);
+        let farthest = |rest: Rest| farthest(&record.command, rest, outward);
+        rests.into_iter().filter_map(farthest).collect()
+    };
+    let sides = [(largest, told(largest, 1.0)), (smallest, told(smallest, -1.0))];
+    let goes_on = |(first, farthest): &&(f64, f64)| farthest - first > far;
+    let far_beyond = sides.iter().flat_map(|(_, told)| told).filter(goes_on).count();
+    let differ = |told: &[(f64, f64)]| {
+        let [low, high] = [f64::min, f64::max].map(|pick| told.iter().map(|told| told.1).reduce(pick));
+        low.zip(high).is_some_and(|(low, high)| high - low > least)
+    };
+    let stops = |told: &[(f64, f64)]| differ(told) || (far_beyond >= TWICE && told.iter().any(|told| goes_on(&told)));
+    sides.iter().find(|(_, told)| stops(told)).map(|(bound, _)| *bound)
 }
 
 /// From when to when a joint rests, s.
 type Rest = (f64, f64);
 
-/// When `series` rests at `bound`, having come there without slowing down, by more than `step` a reading.
+/// When `series` rests at `bound`, having come there without slowing down, by more than `step` in [`WAY`] readings.
 fn rests(series: &Series, bound: f64, step: f64) -> Vec<Rest> {
     let mut start = 0;
     let mut rests = Vec::new();
     for run in series.value.chunk_by(|a, b| a == b) {
         let (from, to) = (series.time[start], series.time[start + run.len() - 1]);
         let is_rest = run[0] == bound && run.len() >= REST.0 && to - from >= REST.1;
-        let before = &series.value[start.saturating_sub(3)..start];
-        if let (true, [a, b, c]) = (is_rest, before) {
+        let before = &series.value[start.saturating_sub(2 * WAY + 1)..start];
+        if let (true, [a, _, _, b, _, _, c]) = (is_rest, before) {
             let (last, earlier) = ((c - b).abs(), (b - a).abs());
             if last > step && last > DEAD * earlier {
                 rests.push((from, to));
@@ -181,9 +225,11 @@ fn rests(series: &Series, bound: f64, step: f64) -> Vec<Rest> {
     rests
 }
 
-/// The farthest `outward` that `command` goes during a rest.
-fn farthest(command: &Series, (from, to): Rest, outward: f64) -> Option<f64> {
+/// How far `outward` `command` is when a rest begins, and the farthest that it goes meanwhile.
+fn farthest(command: &Series, (from, to): Rest, outward: f64) -> Option<(f64, f64)> {
     let during = command.time.iter().zip(&command.value);
     let during = during.filter(|(time, _)| (from..=to).contains(*time));
-    during.map(|(_, value)| outward * value).reduce(f64::max)
+    let mut during = during.map(|(_, value)| outward * value);
+    let first = during.next()?;
+    Some((first, during.fold(first, f64::max)))
 }

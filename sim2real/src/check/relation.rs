@@ -93,17 +93,25 @@ pub(super) fn followed_far(joint: &JointRecord, following: Relation) -> Relation
     if !following.ends(&LAGS) {
         return following;
     }
-    best_over_lags(&while_on(joint), &joint.command, FAR_LAGS).unwrap_or(following)
+    best_over_lags(&while_switched(joint, true), &joint.command, FAR_LAGS).unwrap_or(following)
 }
 
 /// The joint's position against `command`, which may be another joint's.
 pub(super) fn against_command(joint: &JointRecord, command: &Series) -> Option<Relation> {
-    best_over_lags(&while_on(joint), command, LAGS)
+    best_over_lags(&while_switched(joint, true), command, LAGS)
 }
 
-/// Times and positions while the motor is on.
-fn while_on(joint: &JointRecord) -> Vec<(f64, f64)> {
-    let on = |time: f64| joint.enabled.held_at(time).is_none_or(|on| *on > 0.0);
+/// Position against position commands, while the motor is off; `None` where it never is.
+pub(super) fn following_while_off(joint: &JointRecord) -> Option<Relation> {
+    if joint.command_kind != CommandKind::Position {
+        return None;
+    }
+    best_over_lags(&while_switched(joint, false), &joint.command, LAGS)
+}
+
+/// Times and positions while the motor is on, or off.
+fn while_switched(joint: &JointRecord, is_on: bool) -> Vec<(f64, f64)> {
+    let on = |time: f64| joint.enabled.held_at(time).is_none_or(|on| *on > 0.0) == is_on;
     let stride = joint.position.len().div_ceil(MAX_SAMPLES).max(1);
     let samples = joint.position.time.iter().zip(&joint.position.value).step_by(stride);
     samples.filter(|(time, _)| on(**time)).map(|(t, p)| (*t, *p)).collect()

@@ -48,6 +48,7 @@ impl Findings {
             found.swaps(recording, log);
             found.same_readings(recording, log);
         }
+        found.copies(recordings);
         found.amounts(logs, robot);
         found
     }
@@ -187,9 +188,12 @@ impl Findings {
                 "the motor is on, but there are no commands: log them, or say with `enabled` when it is off",
             );
         }
-        self.clocks(recording, check, at);
+        if !self.clocks(recording, check, at) {
+            self.lost_commands(recording, at);
+        }
         self.units(check, joint, at);
         self.signs(recording, check, joint, at);
+        self.switch(recording, check, at);
         if check.position.in_gaps > 0.5 {
             let message = format!(
                 "{:.0} % of the time has no readings; the longest gap is {:.2} s",

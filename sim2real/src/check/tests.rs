@@ -201,7 +201,9 @@ fn a_clock_that_is_set_and_commands_that_outlast_it_are_refused_once() {
         .iter_mut()
         .skip(300)
         .for_each(|time| *time += 1.7e9);
-    let check = Check::new(&[log.clone(), log, told], &arm());
+    let mut other = log.clone();
+    scaled(&mut other.joints[0].position, 0.9);
+    let check = Check::new(&[log, other, told], &arm());
     let said: Vec<String> = check.refusals.iter().map(ToString::to_string).collect();
     assert_eq!(said.len(), 2, "{said:?}");
     assert!(said[0].starts_with("log: shoulder: time jumps: the longest pause, of 19675.9 days, is after 2.99 s"));
@@ -267,6 +269,46 @@ fn a_motor_that_is_off_need_not_follow_and_what_is_odd_is_noted() {
 }
 
 #[test]
+fn a_joint_that_follows_while_its_motor_is_said_to_be_off_is_refused() {
+    let mut log = good(6.0);
+    log.joints[0].enabled = Series {
+        time: vec![0.0],
+        value: vec![0.0],
+    };
+    let check = Check::new(&[log], &arm());
+    let faults: Vec<Fault> = check.refusals.iter().map(|finding| finding.fault).collect();
+    assert_eq!(faults, [Fault::Switch], "{check}");
+}
+
+#[test]
+fn commands_that_are_missing_are_remarked_and_where_most_are_refused() {
+    let without = |from: f64, to: f64| {
+        let mut log = good(6.0);
+        let command = &mut log.joints[0].command;
+        let kept: Vec<(f64, f64)> = command
+            .time
+            .iter()
+            .copied()
+            .zip(command.value.iter().copied())
+            .collect();
+        (command.time, command.value) = kept.into_iter().filter(|(t, _)| !(from..to).contains(t)).unzip();
+        Check::new(&[log], &arm())
+    };
+    let some = without(2.0, 3.5);
+    assert!(some.usable(), "{some}");
+    let said = some.remarks.iter().map(ToString::to_string).collect::<String>();
+    assert!(
+        said.contains("shoulder: commands are missing, for 1.51 s at most, from 1.99 s on"),
+        "{said}"
+    );
+    let most = without(1.0, 5.0);
+    assert!(
+        most.refusals.iter().any(|finding| finding.fault == Fault::NoCommand),
+        "{most}"
+    );
+}
+
+#[test]
 fn clocks_that_are_far_apart_are_refused_with_how_far_or_that_it_is_farther() {
     let said = |apart: f64| {
         let mut log = good(12.0);
@@ -311,6 +353,15 @@ fn an_encoder_that_saturates_is_refused_and_a_joint_that_sticks_or_stops_at_its_
     assert!(refused(log(&clipped)));
     let low = |t: f64| (told(t - 0.03) + noise(t)).max(-0.5);
     assert!(refused(log(&low)));
+    // Every time it is told to go as far.
+    let mut even = log(&|t| (0.8 * (3.0 * (t - 0.03)).sin() + noise(t)).clamp(-0.4, 0.4));
+    even.joints[0].command = series(6.0, |t| 0.8 * (3.0 * t).sin());
+    assert!(refused(even));
+    // Once to either side, by less than a step of its encoder from one reading to the next.
+    let slow = |t: f64| 1.5 * ((t / 6.0 + 0.25).fract() * 4.0 - 2.0).abs() - 1.5 * 1.0;
+    let mut once = log(&|t| (slow(t - 0.03).clamp(-0.6, 0.6) / 0.005).round() * 0.005);
+    once.joints[0].command = series(6.0, slow);
+    assert!(refused(once));
     // It stays where it turned round until the command has gone back by 0.2 rad; a coarse encoder.
     let coarse = |at: f64| (at * 600.0).round() / 600.0;
     let sticks = |t: f64| {
@@ -348,6 +399,14 @@ fn one_column_for_two_joints_and_readings_that_are_too_slow_are_refused() {
         ..twice.joints[0].clone()
     };
     assert!(refused(twice, Fault::SameReadings) && !refused(good(6.0), Fault::SameReadings));
+    let mut both = good(6.0);
+    both.joints[0].command = both.joints[0].position.clone();
+    assert!(refused(both, Fault::SameReadings));
+    let check = Check::new(&[good(6.0), good(6.0)], &arm());
+    assert!(
+        check.refusals.iter().any(|finding| finding.fault == Fault::Copy),
+        "{check}"
+    );
     let every = |n: usize| {
         let mut slow = good(20.0);
         for joint in &mut slow.joints {

@@ -36,7 +36,7 @@ const FREE: Stretch = Stretch {
 
 /// Rollouts begin so long after a foot was about to land, s.
 const LANDED: f64 = 0.06;
-/// Pieces between landings that are shorter are not compared, s.
+/// Pieces between landings, or commands that are missing, that are shorter are not compared, s.
 const SHORTEST: f64 = 0.05;
 
 /// What a log is cut into.
@@ -83,11 +83,16 @@ pub fn cut(
         // Where the base is not known for a while, nothing is compared.
         (base.is_some() == free).then(|| source.piece(start, (begin, end), base))
     };
-    let mut undisturbed = vec![(from, to)];
+    let mut disturbed = unheard(&joints);
     if free {
         let landings = landings(robot, recording, &joints, (from, to));
-        undisturbed = between(from, &landings, to, stretch.warm_up);
+        disturbed.extend(landings.iter().map(|landing| (*landing, landing + LANDED)));
+        disturbed.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
+    let undisturbed = match disturbed.as_slice() {
+        [] if !free => vec![(from, to)],
+        disturbed => between((from, to), disturbed, stretch.warm_up),
+    };
     let pieces = undisturbed.iter().flat_map(|&span| equal(span, stretch.longest));
     Ok(pieces.filter_map(|span| piece(&span)).collect())
 }
@@ -105,15 +110,25 @@ fn stand(recording: &Recording, lengths: Lengths) -> Stretch {
     }
 }
 
-/// The times between landings in which something is compared after a warm-up.
-fn between(from: f64, landings: &[f64], to: f64, warm_up: f64) -> Vec<(f64, f64)> {
-    let begins = landings.iter().map(|landing| landing + LANDED + warm_up);
-    let begins = [from].into_iter().chain(begins);
-    let ends = landings.iter().copied().chain([to]);
-    begins
-        .zip(ends)
-        .filter(|(begin, end)| end - begin >= SHORTEST)
-        .collect()
+/// When any joint was told what is not in the log: rollouts begin where what it is told is known for [`LEAD`].
+fn unheard(joints: &[&JointRecord]) -> Vec<(f64, f64)> {
+    let lost = joints.iter().flat_map(|joint| joint.lost_commands());
+    let mut lost: Vec<(f64, f64)> = lost.map(|(from, to)| (from, to + LEAD)).collect();
+    lost.sort_by(|a, b| a.0.total_cmp(&b.0));
+    lost
+}
+
+/// The times between what is `disturbed`, from when to when in order of their beginning, in which something is compared after a warm-up.
+fn between((from, to): (f64, f64), disturbed: &[(f64, f64)], warm_up: f64) -> Vec<(f64, f64)> {
+    let mut begin = from;
+    let mut spans = Vec::with_capacity(disturbed.len() + 1);
+    for &(start, end) in disturbed {
+        spans.push((begin, start.min(to)));
+        begin = begin.max(end + warm_up);
+    }
+    spans.push((begin, to));
+    spans.retain(|(begin, end)| end - begin >= SHORTEST);
+    spans
 }
 
 /// The span from `from` to `to` in pieces of equal length, `longest` at most.

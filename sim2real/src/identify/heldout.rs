@@ -61,14 +61,7 @@ fn pieces(
 
 /// That the readings of `recording` are among those that were `fitted`, if so: its error would say nothing.
 fn fitted_too(recording: &Recording, fitted: &[Recording]) -> Option<String> {
-    let positions = |log: &Recording| {
-        log.joints
-            .iter()
-            .map(|joint| joint.position.clone())
-            .collect::<Vec<_>>()
-    };
-    let own = positions(recording);
-    let same = fitted.iter().find(|log| positions(log) == own)?;
+    let same = fitted.iter().find(|log| log.is_copy_of(recording))?;
     Some(format!(
         "{}: its readings are those of {}, which was fitted: a copy is not held out",
         recording.name, same.name

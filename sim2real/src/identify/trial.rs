@@ -79,6 +79,19 @@ pub enum TrialError {
         /// The key.
         key: String,
     },
+    /// The log overrides a parameter of a joint that the robot does not have.
+    #[error("log {log}: no joint `{joint}` whose parameter `{key}` would override")]
+    #[diagnostic(help("the robot's joints are {joints}"))]
+    OverrideJoint {
+        /// The log.
+        log: String,
+        /// The key.
+        key: String,
+        /// The joint.
+        joint: String,
+        /// The robot's joints.
+        joints: String,
+    },
     /// The log overrides something by a value that it cannot have.
     #[error("log {log}: override `{key}` cannot be {value}")]
     #[diagnostic(help("{right}"))]
@@ -196,13 +209,31 @@ impl Trial {
     /// `robot` as it was in this log.
     ///
     /// # Errors
-    /// [`TrialError::Override`] for an override that names nothing, [`TrialError::Value`] for one that cannot be.
+    /// [`TrialError::Override`] or [`TrialError::OverrideJoint`] for an override that names nothing, [`TrialError::Value`] for one that cannot
+    /// be.
     pub fn robot(&self, robot: &Robot) -> Result<Logged, TrialError> {
         let log = self.name.clone();
         Logged::new(robot, &self.overrides).map_err(|(key, value, refused)| match refused {
-            own::Refused::Unknown => TrialError::Override { log, key },
+            own::Refused::Unknown => unknown(log, key, robot),
             own::Refused::Value(right) => TrialError::Value { log, key, value, right },
         })
+    }
+}
+
+/// That `key` names nothing of `robot` to override.
+fn unknown(log: String, key: String, robot: &Robot) -> TrialError {
+    let names: Vec<&str> = (0..robot.dofs.len()).map(|d| robot.dof(d).name.as_str()).collect();
+    let joint = overrides::parts(&key)
+        .0
+        .filter(|joint| overrides::exists(&key) && !names.contains(joint));
+    match joint.map(str::to_owned) {
+        Some(joint) => TrialError::OverrideJoint {
+            log,
+            key,
+            joint,
+            joints: names.join(", "),
+        },
+        None => TrialError::Override { log, key },
     }
 }
 

@@ -6,6 +6,7 @@
 mod clock;
 mod columns;
 mod csv;
+mod dropout;
 mod error;
 mod json;
 mod labels;
@@ -238,6 +239,12 @@ impl Recording {
     /// The joint of this name.
     pub fn joint(&self, name: &str) -> Option<&JointRecord> {
         self.joints.iter().find(|joint| joint.name == name)
+    }
+
+    /// Whether both hold the same readings: one is a copy of the other.
+    pub fn is_copy_of(&self, other: &Self) -> bool {
+        let own = self.joints.iter().map(|joint| &joint.position);
+        own.eq(other.joints.iter().map(|joint| &joint.position))
     }
 
     /// Time of the last sample of any joint, s from the log's start.

@@ -53,10 +53,17 @@ fn late(logs: &mut [Recording], seconds: f64) {
 
 #[test]
 fn logs_that_carry_no_answer_get_none() {
-    let spoils: [(&str, Spoil); 25] = [
+    let spoils: [(&str, Spoil); 27] = [
         ("half a second", |logs| cut(logs, 0.5)),
         ("two seconds", |logs| cut(logs, 2.0)),
         ("two readings", |logs| cut(logs, 0.012)),
+        ("the same log twice", |logs| logs.push(logs[0].clone())),
+        ("its motion given as its commands", |logs| {
+            for log in logs {
+                let joint = &mut log.joints[0];
+                joint.command = joint.position.clone();
+            }
+        }),
         ("at rest", |logs| each(logs, |_, q| *q = 0.0)),
         ("at rest elsewhere", |logs| each(logs, |_, q| *q = 0.7)),
         ("noise alone", |logs| {
@@ -231,6 +238,7 @@ fn overrides_that_cannot_be_are_refused_with_log_and_key() {
         ("torque_limit", 0.0, "override `torque_limit` cannot be 0"),
         ("payload.mass", 1e12, "override `payload.mass` cannot be 1000000000000"),
         ("speed", 3.0, "no parameter `speed`"),
+        ("joint.knee.kp", 3.0, "no joint `knee`"),
     ] {
         let mut own = logs(&rig(&[]), 1, 1);
         own[0].overrides.insert(key.into(), value);
