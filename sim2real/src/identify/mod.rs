@@ -165,7 +165,8 @@ pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError
     })
 }
 
-/// Identifies the effects that the robot's model lacks; `log` hears of progress.
+/// Identifies the effects that the robot's model lacks; `log` hears of progress. What an interrupted run goes on from stays in the task's
+/// folder until [`close`], for when the outcome is written too.
 ///
 /// # Errors
 /// [`IdentifyError`]. Logs that cannot carry an answer are no error: the verdict says so. Nor are held-out logs that cannot be compared:

@@ -1,6 +1,6 @@
 //! Time in which commands were given that are not in the log: a recorder that stopped for a while, or lost messages.
 
-use super::{JointRecord, Series};
+use super::{CommandKind, JointRecord, Series};
 
 /// Longer than so many usual intervals is a gap, and never less than so many s, as in the check's figures.
 const GAP: (f64, f64) = (5.0, 0.05);
@@ -13,7 +13,7 @@ const SHOWN: usize = 3;
 
 impl JointRecord {
     /// Where commands are missing, s from the log's start, from the last one before to the first one after: a sender that is regular
-    /// otherwise pauses while its motor is on, and the joint is not seen to come to rest.
+    /// otherwise pauses while its motor is on, and the joint is not seen to come to rest where it was told last.
     pub fn lost_commands(&self) -> Vec<(f64, f64)> {
         let intervals = || self.command.time.windows(2).map(|pair| (pair[0], pair[1]));
         let mut lengths: Vec<f64> = intervals().map(|(from, to)| to - from).collect();
@@ -28,21 +28,28 @@ impl JointRecord {
         }
         let gap = (GAP.0 * usual).max(GAP.1);
         let is_on = |time: f64| self.enabled.held_at(time).is_none_or(|on| *on > 0.0);
-        let lost = |&(from, to): &(f64, f64)| to - from > gap && is_on(from) && !self.rests(0.5 * (from + to), to);
+        let lost = |&(from, to): &(f64, f64)| to - from > gap && is_on(from) && !self.stays(from, to);
         intervals().filter(lost).collect()
     }
 
-    /// Whether readings show that the joint hardly moves between two times, s.
-    fn rests(&self, from: f64, to: f64) -> bool {
-        let width = |series: &Series, from: f64, to: f64| {
+    /// Whether readings show that the joint comes to rest between commands at two times, s, and no nearer to the second than to the first.
+    fn stays(&self, from: f64, to: f64) -> bool {
+        let range = |series: &Series, from: f64, to: f64| {
             let own = series.time.partition_point(|t| *t < from)..series.time.partition_point(|t| *t < to);
             let own = &series.value[own];
             let [low, high] = [f64::min, f64::max].map(|pick| own.iter().copied().reduce(pick));
-            (own.len() >= SHOWN).then_some(high? - low?)
+            (own.len() >= SHOWN).then_some((low?, high?))
         };
-        let all = width(&self.position, f64::NEG_INFINITY, f64::INFINITY);
-        let own = width(&self.position, from, to);
-        own.zip(all).is_some_and(|(own, all)| own <= REST * all)
+        let all = range(&self.position, f64::NEG_INFINITY, f64::INFINITY);
+        let own = range(&self.position, 0.5 * (from + to), to);
+        let (Some((lowest, highest)), Some((low, high))) = (all, own) else {
+            return false;
+        };
+        let still = REST * (highest - lowest);
+        let told = [from, to].map(|time| self.command.held_at(time).copied().unwrap_or_default());
+        let off = told.map(|told| (told - low).abs());
+        let is_told = self.command_kind == CommandKind::Effort || off[0] <= off[1] + still;
+        high - low <= still && is_told
     }
 }
 
@@ -78,6 +85,9 @@ mod tests {
         near(joint(|t| (outside(t), true), f64::sin).lost_commands());
         let held = joint(|t| (outside(t), true), |t| t.min(2.2).sin());
         assert_eq!(held.lost_commands(), [], "it stays where it was told to be");
+        let mut stepped = joint(|t| (outside(t), true), |t| if t < 2.2 { 0.0 } else { 1.0 });
+        stepped.command.value = stepped.command.time.iter().map(|t| f64::from(*t > 2.1)).collect();
+        near(stepped.lost_commands());
         let off = JointRecord {
             enabled: Series {
                 time: vec![1.5],
