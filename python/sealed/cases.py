@@ -8,11 +8,19 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
-    *(("rig", seed) for seed in range(500, 572)),
-    *(("leg", seed) for seed in range(500, 532)),
-    *(("walk", seed) for seed in range(500, 508)),
+    *(("rig", seed) for seed in range(600, 672)),
+    *(("leg", seed) for seed in range(600, 632)),
+    *(("walk", seed) for seed in range(600, 608)),
 ]
 """Machine and seed; to be run once, after the procedure is frozen."""
+
+FIFTH = [
+    *(("rig", seed) for seed in range(500, 572)),
+    *(("leg", seed) for seed in range(500, 521)),
+    *(("walk", seed) for seed in range(500, 508)),
+]
+"""Those of the fixed list of the procedure as it was frozen for the fifth time that were run before intervals were seen to be too wide and
+faults of walkers to be taken for trifles, and the procedure was changed."""
 
 FOURTH = [*(("rig", seed) for seed in (*range(400, 463), 464, 466, 468, 470)), ("leg", 400)]
 """Those of the fixed list of the procedure as it was frozen for the fourth time that were run before measured logs (the XL330's) showed
@@ -42,7 +50,7 @@ REHEARSAL = [
 ]
 """What the procedure was worked out on: no measure of it."""
 
-LISTS = {"fixed": FIXED, "fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
+LISTS = {"fixed": FIXED, "fifth": FIFTH, "fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
 
 
 def ensure(machine: str, seed: int, out: Path, walker: Path = POLICY) -> Path:

@@ -297,7 +297,12 @@ fn retuned(outcome: &Outcome, out: &mut String) {
 /// What is left, and what predicts it.
 fn left(outcome: &Outcome, out: &mut String) {
     if outcome.verdict == Verdict::Unexplained {
-        let over = outcome.unexplained.depends_on.join(", ");
+        let left = &outcome.unexplained;
+        let named = left.depends_on.iter().map(|name| match left.of_nominal.contains(name) {
+            true => format!("{name} (of what the robot lacks before it is re-tuned)"),
+            false => name.clone(),
+        });
+        let over = named.collect::<Vec<_>>().join(", ");
         let over = if over.is_empty() {
             "nothing that was measured"
         } else {

@@ -69,7 +69,7 @@ const fn damping_ratio(default: f64, what: &'static str) -> Parameter {
         name: "damping_ratio",
         scale: Scale::One,
         neutral: None,
-        starts: &[0.05, 0.7],
+        starts: &[0.05, 0.25, 0.7],
         bounds: Bounds { lower: 0.0, upper: 2.0 },
         default: Some(default),
         what,

@@ -2,12 +2,8 @@
 
 use serde::Serialize;
 
-use crate::recording::Series;
+use crate::recording::{Pace, Series, median};
 
-/// Intervals this many times the median are gaps.
-const GAP: f64 = 5.0;
-/// Gaps are never shorter, s: schedulers of ordinary systems make such pauses.
-const SHORTEST_GAP: f64 = 0.05;
 /// The median of absolute values of a normal variable, in standard deviations.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
@@ -46,13 +42,11 @@ impl Channel {
         let range = series.value.iter().fold([*first; 2], fold);
         let steps = series.value.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         let resolution = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
-        let intervals: Vec<f64> = series.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let median = median(intervals.clone());
-        let gap = (GAP * median).max(SHORTEST_GAP);
+        let Pace { intervals, usual, gap } = series.pace();
         let (gaps, regular): (Vec<f64>, Vec<f64>) = intervals.iter().partition(|interval| **interval > gap);
         Self {
             samples: series.len(),
-            rate: if median > 0.0 { 1.0 / median } else { 0.0 },
+            rate: if usual > 0.0 { 1.0 / usual } else { 0.0 },
             jitter: spread(&regular),
             longest_gap: intervals.iter().fold(0.0, |longest, interval| longest.max(*interval)),
             in_gaps: gaps.iter().sum::<f64>() / series.span().max(1e-12),
@@ -70,15 +64,6 @@ impl Channel {
     pub(super) fn width(&self) -> f64 {
         self.range.map_or(0.0, |range| range[1] - range[0])
     }
-}
-
-/// The middle value; 0 without values.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -100,7 +85,8 @@ fn spread(values: &[f64]) -> f64 {
 /// Fourth differences of white noise have seventy times its variance; motion hardly has any from sample to sample.
 fn noise(values: &[f64]) -> f64 {
     let fourth = |v: &[f64]| (v[4] - 4.0 * v[3] + 6.0 * v[2] - 4.0 * v[1] + v[0]).abs();
-    median(values.windows(5).map(fourth).collect()) / (MEDIAN_OF_NORMAL * 70_f64.sqrt())
+    let typical = median(values.windows(5).map(fourth).collect()).unwrap_or(0.0);
+    typical / (MEDIAN_OF_NORMAL * 70_f64.sqrt())
 }
 
 /// Share of the samples in runs of at least ten at `bound`.

@@ -4,7 +4,6 @@ use std::ops::RangeInclusive;
 
 use serde::Serialize;
 
-use super::channel::median;
 use crate::recording::{CommandKind, JointRecord, Series};
 
 /// Time over which slopes are taken, s: long against quantisation and noise, short against motion.
@@ -60,8 +59,7 @@ pub(super) struct Slope {
 
 /// Slopes of a series of positions.
 pub(super) fn slopes(series: &Series) -> Vec<Slope> {
-    let intervals = series.time.windows(2).map(|pair| pair[1] - pair[0]);
-    let interval = median(intervals.collect());
+    let interval = series.pace().usual;
     let apart = if interval > 0.0 {
         (SLOPE_TIME / interval).round().max(1.0) as usize
     } else {

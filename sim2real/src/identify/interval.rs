@@ -18,6 +18,10 @@ const SLOPE_ERROR: f64 = 0.02;
 const LEVERAGE: f64 = 0.9;
 /// Share that a number has in a direction from which on it is part of it.
 const PART: f64 = 0.1;
+/// Share of the most by which what a model is wrong about can have moved a number that the 95 % interval has: of 128 numbers of effects that
+/// were rightly named in sealed cases (the lists `third` to `fifth`), 123 are within half of an interval with all of it, all but one within
+/// all.
+const ALONG: f64 = 0.4;
 
 /// Half widths of the 95 % interval of a fitted number, in its own unit; infinite where the logs cannot tell.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +30,8 @@ pub struct HalfWidth {
     pub right: f64,
     /// As wrong as it is.
     pub whole: f64,
+    /// As far as what it is wrong about can have moved the number.
+    pub most: f64,
 }
 
 /// Intervals of every number of `fit`.
@@ -36,7 +42,8 @@ pub struct HalfWidth {
 /// A model that does not reach the floor is wrong beyond noise, in every log alike, so that no scatter between logs shows it. What of that goes
 /// along with a number has moved it unseen; what does not is the loss above the floor. As much is taken to be in either: of a robot of one
 /// joint, a number is left open over all values that are no worse than the fit by more than the fit is worse than the floor, the other numbers
-/// fitted again; of several joints, by what each joint's own loss above its floor can move it, the root of the sum of their squares.
+/// fitted again; of several joints, by what each joint's own loss above its floor can move it, the root of the sum of their squares. That is
+/// the most; all that is wrong would have to go along with this one number for it, and [`ALONG`] of it is what the interval has.
 pub fn intervals(selector: &Selector<'_>, fit: &Fit) -> Vec<HalfWidth> {
     let (data, scales) = (selector.data, selector.scales);
     let free = fit.model.free(scales);
@@ -49,6 +56,7 @@ pub fn intervals(selector: &Selector<'_>, fit: &Fit) -> Vec<HalfWidth> {
     let unknown = HalfWidth {
         right: f64::INFINITY,
         whole: f64::INFINITY,
+        most: f64::INFINITY,
     };
     let mut out = vec![unknown; n];
     if told.is_empty() {
@@ -70,7 +78,8 @@ pub fn intervals(selector: &Selector<'_>, fit: &Fit) -> Vec<HalfWidth> {
         let step = 2.0 * moved[a].abs();
         out[i] = HalfWidth {
             right: (noise + step) * free[i].scale,
-            whole: (noise.hypot(wrong[a]) + step) * free[i].scale,
+            whole: (noise.hypot(ALONG * wrong[a]) + step) * free[i].scale,
+            most: (noise.hypot(wrong[a]) + step) * free[i].scale,
         };
     }
     out

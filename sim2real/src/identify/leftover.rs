@@ -3,6 +3,7 @@
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::Robot;
 
+use super::bent;
 use super::candidates::Ripples;
 use super::fit::{Data, total};
 use super::floor::Floor;
@@ -81,6 +82,8 @@ pub struct Left {
     pub names: Vec<String>,
     /// What it depends on, in order.
     pub depends_on: Vec<Dependence>,
+    /// What the torque that the nominal robot lacks depends on, where that says more.
+    pub leading: Option<Dependence>,
     /// Whether it is structure: more than noise, and predicted or far more.
     pub structured: bool,
     /// Squared error beyond what noise leaves, in units of that: what joints are compared by.
@@ -156,14 +159,17 @@ impl Losses {
         ((self.last - self.floor) / gap).clamp(0.0, 1.0)
     }
 
-    /// Share of the last model's loss that noise does not explain, and no more than is left of what there was to explain.
-    fn fraction(&self) -> f64 {
+    /// Share of the last model's loss that noise does not explain.
+    fn above(&self) -> f64 {
         if self.last <= 0.0 {
             return 0.0;
         }
-        ((self.last - self.floor) / self.last)
-            .clamp(0.0, 1.0)
-            .min(self.share_left())
+        ((self.last - self.floor) / self.last).clamp(0.0, 1.0)
+    }
+
+    /// The same, and no more than is left of what there was to explain.
+    fn fraction(&self) -> f64 {
+        self.above().min(self.share_left())
     }
 
     /// Whether more is left than noise and, `beside` effects, than a trifle of what there was to explain; far more that is not white over
@@ -255,12 +261,17 @@ pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -
         }
         let most = has_effect(dof) && own.share_left() > MOST_LEFT;
         let structured = is_open && (!depends_on.is_empty() || own.is_far() || most);
+        let leading = match structured && !data.is_free() && !has_effect(dof) {
+            true => bent::leading(selector, model, dof, &depends_on, own.above())?,
+            false => None,
+        };
         joints.push(Left {
             dof,
             structured,
             above_floor: above[dof],
             losses: own,
             depends_on,
+            leading,
             names: torque::names(&data.trials[0], dof),
             moments,
         });

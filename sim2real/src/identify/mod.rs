@@ -14,6 +14,7 @@
 //! The logs that are held out are asked for after the last choice was made: [`run`] takes a function that opens them.
 
 mod base;
+mod bent;
 mod candidates;
 mod causes;
 mod contact;

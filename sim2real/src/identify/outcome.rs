@@ -8,6 +8,7 @@ use omniwalk_env::robot::{JointKind, Robot};
 use super::IdentifyError;
 use super::found::Found;
 use super::heldout::Heldout;
+use super::leftover::Left;
 use super::measure::{Measure, measure_each};
 use super::model::Model;
 use super::motion;
@@ -16,6 +17,7 @@ use super::report::{
     Verdict,
 };
 use super::split::Split;
+use super::torque::Dependence;
 use super::trial::{Trial, TrialError};
 use crate::check::Check;
 
@@ -309,18 +311,22 @@ fn reason(parts: &Parts<'_>, rejected: &super::select::Rejected) -> String {
 
 fn unexplained(parts: &Parts<'_>) -> Unexplained {
     let (robot, left) = (parts.robot, &parts.found.left);
+    let name = |own: &Left, dependence: &Dependence| {
+        let variable = &own.names[dependence.variable];
+        if robot.dofs.len() == 1 {
+            variable.clone()
+        } else {
+            format!("{} of {}", variable, robot.dof(own.dof).name)
+        }
+    };
     let mut named: Vec<(f64, String)> = Vec::new();
     for own in left.structured() {
-        for dependence in &own.depends_on {
-            let variable = &own.names[dependence.variable];
-            let name = if robot.dofs.len() == 1 {
-                variable.clone()
-            } else {
-                format!("{} of {}", variable, robot.dof(own.dof).name)
-            };
-            named.push((own.above_floor * dependence.gain, name));
-        }
+        let all = own.leading.iter().chain(&own.depends_on);
+        named.extend(all.map(|dependence| (own.above_floor * dependence.gain, name(own, dependence))));
     }
+    let of_nominal = left
+        .structured()
+        .flat_map(|own| own.leading.iter().map(move |leading| (own, leading)));
     named.sort_by(|a, b| b.0.total_cmp(&a.0));
     let autocorrelation = left.autocorrelation.iter().enumerate();
     let mut depends_on: Vec<String> = Vec::new();
@@ -332,6 +338,7 @@ fn unexplained(parts: &Parts<'_>) -> Unexplained {
     Unexplained {
         fraction: left.fraction(),
         depends_on,
+        of_nominal: of_nominal.map(|(own, leading)| name(own, leading)).collect(),
         autocorrelation: autocorrelation
             .map(|(d, value)| (robot.dof(d).name.clone(), *value))
             .collect(),

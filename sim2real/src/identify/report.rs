@@ -158,6 +158,8 @@ pub struct Unexplained {
     pub fraction: f64,
     /// What it depends on, in order.
     pub depends_on: Vec<String>,
+    /// Those of them that predict what the nominal robot lacks: where re-tuning makes up for most of that, what it leaves may go with nothing.
+    pub of_nominal: Vec<String>,
     /// Autocorrelation of the residual over 0.1 s, by joint.
     pub autocorrelation: BTreeMap<String, f64>,
 }

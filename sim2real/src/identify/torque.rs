@@ -178,6 +178,8 @@ pub struct Dependence {
     pub gain: f64,
 }
 
+/// Fewest moments that tell what a torque depends on.
+const FEWEST: usize = 200;
 /// Points of a function's grid.
 const KNOTS: usize = 12;
 /// Least share of the square that a variable must predict to be named.
@@ -189,51 +191,72 @@ const NEARLY: f64 = 0.9;
 /// The variables that predict the torque, in order, by how well piecewise linear functions of them predict blocks they
 /// were not fitted to; where none does, the one whose past does. `fold` gives the fold of a block.
 pub fn dependence(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Vec<Dependence> {
-    let variables = moments.first().map_or(0, |moment| moment.values.len());
-    if moments.len() < 200 {
+    if moments.len() < FEWEST {
         return Vec::new();
     }
-    let whole: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
     let mut left: Vec<f64> = moments.iter().map(|m| m.torque).collect();
     let mut found: Vec<Dependence> = Vec::new();
-    let mut explained = 0.0;
     for _ in 0..3 {
-        let mut best: Option<(Dependence, Vec<f64>)> = None;
-        for variable in 0..variables {
-            for form in [Form::Plain, Form::Friction] {
-                if form == Form::Friction && variable == 1
-                    || found.iter().any(|f| f.variable == variable && f.form == form)
-                {
-                    continue;
-                }
-                let predicted = predict(moments, &left, variable, form, fold, folds);
-                let rest: f64 = left.iter().zip(&predicted).map(|(a, b)| (a - b).powi(2)).sum();
-                let gain = 1.0 - explained - rest / whole;
-                // Simulated variables come first.
-                let ahead = |old: &Dependence| {
-                    let share = if variable >= SIMULATED && old.variable < SIMULATED {
-                        NEARLY
-                    } else {
-                        1.0
-                    };
-                    share * gain > old.gain
-                };
-                if best.as_ref().is_none_or(|(old, _)| ahead(old)) {
-                    best = Some((Dependence { variable, form, gain }, predicted));
-                }
-            }
-        }
-        let Some((best, predicted)) = best.filter(|(best, _)| best.gain > LEAST) else {
+        let next = of_now(moments, &left, &found, fold, folds);
+        let Some((best, predicted)) = next.filter(|(best, _)| best.gain > LEAST) else {
             break;
         };
         left.iter_mut().zip(&predicted).for_each(|(a, b)| *a -= b);
-        explained += best.gain;
         found.push(best);
     }
     if found.is_empty() {
         found.extend(of_past(moments, fold, folds));
     }
     found
+}
+
+/// The variable that alone predicts most of the torque, as it is now or by its past.
+pub fn leading(moments: &[Moment], fold: &dyn Fn(usize) -> usize, folds: usize) -> Option<Dependence> {
+    if moments.len() < FEWEST {
+        return None;
+    }
+    let whole: Vec<f64> = moments.iter().map(|m| m.torque).collect();
+    let now = of_now(moments, &whole, &[], fold, folds).map(|(now, _)| now);
+    let both = now.into_iter().chain(of_past(moments, fold, folds));
+    let best = both.max_by(|a, b| a.gain.total_cmp(&b.gain));
+    best.filter(|best| best.gain > LEAST)
+}
+
+/// The variable that predicts most of what is `left` of the torque beside those that were `found`, and its predictions.
+fn of_now(
+    moments: &[Moment],
+    left: &[f64],
+    found: &[Dependence],
+    fold: &dyn Fn(usize) -> usize,
+    folds: usize,
+) -> Option<(Dependence, Vec<f64>)> {
+    let whole: f64 = moments.iter().map(|m| m.torque * m.torque).sum();
+    let explained: f64 = found.iter().map(|f| f.gain).sum();
+    let mut best: Option<(Dependence, Vec<f64>)> = None;
+    for variable in 0..moments[0].values.len() {
+        for form in [Form::Plain, Form::Friction] {
+            if form == Form::Friction && variable == 1 || found.iter().any(|f| f.variable == variable && f.form == form)
+            {
+                continue;
+            }
+            let predicted = predict(moments, left, variable, form, fold, folds);
+            let rest: f64 = left.iter().zip(&predicted).map(|(a, b)| (a - b).powi(2)).sum();
+            let gain = 1.0 - explained - rest / whole;
+            // Simulated variables come first.
+            let ahead = |old: &Dependence| {
+                let share = if variable >= SIMULATED && old.variable < SIMULATED {
+                    NEARLY
+                } else {
+                    1.0
+                };
+                share * gain > old.gain
+            };
+            if best.as_ref().is_none_or(|(old, _)| ahead(old)) {
+                best = Some((Dependence { variable, form, gain }, predicted));
+            }
+        }
+    }
+    best
 }
 
 /// The variable whose past predicts most of the torque, where no variable does as it is now.
@@ -381,6 +404,22 @@ mod tests {
         assert!(found[0].gain > 0.9);
         let found = dependence(&moments(|q, v| q * v.signum()), &|b| b % 4, 4);
         assert_eq!((found[0].variable, found[0].form), (0, Form::Friction));
+    }
+
+    #[test]
+    fn the_past_of_a_variable_leads_where_it_predicts_more_than_any_does_now() {
+        let late = |k: usize| (0.013 * k.saturating_sub(8) as f64).sin() + (0.19 * k.saturating_sub(8) as f64).sin();
+        let mut all = moments(|_, _| 0.0);
+        for (k, moment) in all.iter_mut().enumerate() {
+            moment.values[0] = late(k + 8);
+            moment.torque = late(k);
+        }
+        let found = leading(&all, &|b| b % 4, 4).expect("a variable");
+        assert_eq!((found.variable, found.form), (0, Form::Past));
+        let now = leading(&moments(|q, _| (4.0 * q).sin()), &|b| b % 4, 4).expect("a variable");
+        assert_eq!((now.variable, now.form), (0, Form::Plain));
+        let noise = |q: f64, v: f64| ((q * 12_345.678 + v * 98_765.432).sin() * 43_758.545).fract();
+        assert!(leading(&moments(noise), &|b| b % 4, 4).is_none());
     }
 
     #[test]

@@ -1,9 +1,8 @@
 //! Time in which commands were given that are not in the log: a recorder that stopped for a while, or lost messages.
 
+use super::pace::Pace;
 use super::{CommandKind, JointRecord, Series};
 
-/// Longer than so many usual intervals is a gap, and never less than so many s, as in the check's figures.
-const GAP: (f64, f64) = (5.0, 0.05);
 /// Share of the intervals that may be twice the usual one: a sender with more sends when something changes, and what it sends holds.
 const IRREGULAR: f64 = 0.05;
 /// A joint that moves by less than this share of its range, in the second half of a gap, was told to stay.
@@ -15,21 +14,15 @@ impl JointRecord {
     /// Where commands are missing, s from the log's start, from the last one before to the first one after: a sender that is regular
     /// otherwise pauses while its motor is on, and the joint is not seen to come to rest where it was told last.
     pub fn lost_commands(&self) -> Vec<(f64, f64)> {
-        let intervals = || self.command.time.windows(2).map(|pair| (pair[0], pair[1]));
-        let mut lengths: Vec<f64> = intervals().map(|(from, to)| to - from).collect();
-        if lengths.len() < SHOWN {
+        let Pace { intervals, usual, gap } = self.command.pace();
+        let irregular = intervals.iter().filter(|length| **length > 2.0 * usual).count();
+        if intervals.len() < SHOWN || irregular as f64 > IRREGULAR * intervals.len() as f64 {
             return Vec::new();
         }
-        let middle = lengths.len() / 2;
-        let usual = *lengths.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let irregular = lengths.iter().filter(|length| **length > 2.0 * usual).count();
-        if irregular as f64 > IRREGULAR * lengths.len() as f64 {
-            return Vec::new();
-        }
-        let gap = (GAP.0 * usual).max(GAP.1);
         let is_on = |time: f64| self.enabled.held_at(time).is_none_or(|on| *on > 0.0);
         let lost = |&(from, to): &(f64, f64)| to - from > gap && is_on(from) && !self.stays(from, to);
-        intervals().filter(lost).collect()
+        let pairs = self.command.time.windows(2).map(|pair| (pair[0], pair[1]));
+        pairs.filter(lost).collect()
     }
 
     /// Whether readings show that the joint comes to rest between commands at two times, s, and no nearer to the second than to the first.

@@ -14,6 +14,7 @@ mod map;
 mod mcap;
 mod outliers;
 pub(crate) mod overrides;
+mod pace;
 mod pause;
 mod repeats;
 mod rows;
@@ -28,6 +29,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 pub use error::RecordingError;
 pub use map::Map;
+pub(crate) use pace::{Pace, median};
 pub use pause::Jump;
 pub(crate) use pause::LONGEST_PAUSE;
 

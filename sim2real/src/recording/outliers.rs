@@ -4,6 +4,7 @@
 //! motion. A joint that stops dead or turns round is on the line that leads there, and stays.
 
 use super::Series;
+use super::pace::median;
 
 /// A reading is out when it is so many times as far off as the median reading is, or steps of the encoder.
 const FAR: f64 = 20.0;
@@ -34,10 +35,10 @@ fn outliers(series: &Series) -> Vec<bool> {
     let off: Vec<f64> = inner.clone().map(|i| off(series, i, None).abs()).collect();
     let steps = series.value.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     let resolution = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
-    let intervals = series.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let (Some(typical), Some(interval)) = (median(off.clone()), median(intervals)) else {
+    let Some(typical) = median(off.clone()) else {
         return out;
     };
+    let interval = series.pace().usual;
     let least = FAR * typical.max(resolution);
     for (i, off) in inner.zip(off) {
         let near = series.time[i + 2] - series.time[i - 2] < NEAR * interval;
@@ -78,11 +79,6 @@ fn off(series: &Series, i: usize, instead: Option<(usize, f64)>) -> f64 {
         others.iter().filter(|k| **k != j).map(factor).product::<f64>()
     };
     value(i) - others.iter().map(|&j| weight(j) * value(j)).sum::<f64>()
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ impl Selector<'_> {
     fn least_certain(&self, selection: &Selection) -> Option<usize> {
         let fit = &selection.last;
         let halves = interval::intervals(self, fit);
-        let halves: Vec<f64> = halves.iter().map(|half| half.whole).collect();
+        let halves: Vec<f64> = halves.iter().map(|half| half.most).collect();
         let doubts = fit.model.terms.iter().enumerate().filter_map(|(i, term)| {
             let doubt = doubt(term, fit.model.of_term(i, &halves))?;
             (doubt > 1.0).then_some((i, doubt))

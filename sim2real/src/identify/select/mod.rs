@@ -252,9 +252,9 @@ impl<'a> Selector<'a> {
             self.drop_needless(&mut steps);
             self.refine(&mut steps);
         }
-        // Everything else leans on when things happened. What was taken and proved needless once would be taken again.
+        // Everything else leans on when things happened, and where. What was taken and proved needless once would be taken again.
         let mut been = vec![terms(&steps.now.fit.model)];
-        for stage in [Stage::Delays, Stage::All] {
+        for stage in [Stage::Readings, Stage::All] {
             while steps.now.fit.model.terms.len() < MOST
                 && self.is_above_floor(&steps.now.fit)
                 && !self.is_coarse(&steps.now.fit.model)

@@ -45,12 +45,13 @@ impl Tried {
 /// Which effects a step may take.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stage {
-    Delays,
+    /// Delays and offsets of the encoder, on which everything else leans.
+    Readings,
     All,
 }
 
-fn is_delay(kind: Kind) -> bool {
-    matches!(kind, Kind::CommandDelay | Kind::SensorDelay)
+fn is_of_readings(kind: Kind) -> bool {
+    matches!(kind, Kind::CommandDelay | Kind::SensorDelay | Kind::SensorOffset)
 }
 
 impl Selector<'_> {
@@ -58,7 +59,7 @@ impl Selector<'_> {
     pub(super) fn step(&self, steps: &mut Steps, stage: Stage) -> bool {
         let now = steps.now.clone();
         let mut candidates = self.candidates(&now.fit.model);
-        candidates.retain(|candidate| stage == Stage::All || is_delay(candidate.kind));
+        candidates.retain(|candidate| stage == Stage::All || is_of_readings(candidate.kind));
         let count = candidates.len();
         steps.most = steps.most.max(count);
         let (candidates, left) = self.promising(&now.fit.model, candidates);
@@ -75,7 +76,7 @@ impl Selector<'_> {
         }
         // Those that were not fitted were tried as well: what was fitted is the best of all of them.
         let chosen = match stage {
-            Stage::Delays => self.best(&now, &tried.judged, count),
+            Stage::Readings => self.best(&now, &tried.judged, count),
             Stage::All => self.choose(&now, &tried, count),
         };
         let Some(next) = chosen else {

@@ -20,7 +20,7 @@ impl Selector<'_> {
         ] {
             let halves = interval::intervals(self, &selection.last);
             let tuned = selection.last.model.tuned.iter().zip(&halves);
-            let untold: Vec<bool> = tuned.map(|(tuned, half)| wide(half.whole, tuned.value)).collect();
+            let untold: Vec<bool> = tuned.map(|(tuned, half)| wide(half.most, tuned.value)).collect();
             if let Some(kept) = self.at_nominal(&selection.last, &untold) {
                 selection.last = kept;
             }
