@@ -197,13 +197,18 @@ fn faults_in_maps_are_named_with_line_and_column() {
         ("tiem = 3".to_owned(), 1, "unknown field `tiem`"),
         (
             format!("{joint}position = {{ column = \"q\", unit = \"rpm\" }}"),
-            1,
+            3,
             "`rpm` is no unit",
         ),
         (
             format!("{joint}position = {{ column = \"q\", scale = 0.0 }}"),
-            1,
+            3,
             "scale 0",
+        ),
+        (
+            format!("{joint}\nextra = {{ load = {{ column = \"l\", signed_bits = 99 }} }}"),
+            4,
+            "signed_bits is the width",
         ),
         (format!("{joint}{joint}"), 3, "`a` is named twice"),
         (

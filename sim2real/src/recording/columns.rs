@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use omniwalk_env::robot::{RobotError, Source};
 use serde::Deserialize;
+use toml::Spanned;
 
 use super::CommandKind;
 use super::units::{Dimension, fitting, unit};
@@ -37,13 +38,13 @@ pub(super) struct Column {
 #[serde(deny_unknown_fields)]
 pub(super) struct JointColumns {
     pub names: Vec<String>,
-    pub command: Option<Column>,
-    pub position: Option<Column>,
-    pub velocity: Option<Column>,
-    pub effort: Option<Column>,
-    pub enabled: Option<Column>,
+    pub command: Option<Spanned<Column>>,
+    pub position: Option<Spanned<Column>>,
+    pub velocity: Option<Spanned<Column>>,
+    pub effort: Option<Spanned<Column>>,
+    pub enabled: Option<Spanned<Column>>,
     #[serde(default)]
-    pub extra: BTreeMap<String, Column>,
+    pub extra: BTreeMap<String, Spanned<Column>>,
 }
 
 impl Column {
@@ -93,7 +94,7 @@ impl Column {
 
 impl JointColumns {
     /// The columns that are measured or told, with what they can measure.
-    fn columns(&self) -> impl Iterator<Item = (&Column, &'static [Dimension])> {
+    fn columns(&self) -> impl Iterator<Item = (&Spanned<Column>, &'static [Dimension])> {
         const COMMAND: &[Dimension] = &[Dimension::Position, Dimension::Effort];
         let of = |column, right| Option::map(column, move |column| (column, right));
         [
@@ -107,7 +108,7 @@ impl JointColumns {
     }
 
     /// Whether the motor is on, and what else there is of a joint: these may be true or false.
-    fn others(&self) -> impl Iterator<Item = &Column> {
+    fn others(&self) -> impl Iterator<Item = &Spanned<Column>> {
         self.enabled.iter().chain(self.extra.values())
     }
 
@@ -119,7 +120,7 @@ impl JointColumns {
 
     /// The names of all its columns.
     pub fn all_names(&self) -> Vec<String> {
-        let columns: Vec<&Column> = self.columns().map(|(column, _)| column).chain(self.others()).collect();
+        let columns: Vec<_> = self.columns().map(|(column, _)| column).chain(self.others()).collect();
         self.names_of(&columns)
     }
 
@@ -128,8 +129,13 @@ impl JointColumns {
         self.names_of(&self.others().collect::<Vec<_>>())
     }
 
-    fn names_of(&self, columns: &[&Column]) -> Vec<String> {
-        let of_joint = |name: &String| columns.iter().map(|column| column.of(name)).collect::<Vec<_>>();
+    fn names_of(&self, columns: &[&Spanned<Column>]) -> Vec<String> {
+        let of_joint = |name: &String| {
+            columns
+                .iter()
+                .map(|column| column.get_ref().of(name))
+                .collect::<Vec<_>>()
+        };
         self.names.iter().flat_map(of_joint).collect()
     }
 
@@ -146,7 +152,7 @@ impl JointColumns {
             Some("a joint entry without names".to_owned())
         } else {
             let of_all = |column: &&Column| !column.column.contains("{joint}");
-            let shared = self.columns().map(|(column, _)| column).find(of_all);
+            let shared = self.columns().map(|(column, _)| column.get_ref()).find(of_all);
             shared.filter(|_| self.names.len() > 1).map(|column| {
                 format!(
                     "column `{}` would be that of {} joints",
@@ -160,7 +166,7 @@ impl JointColumns {
             return Err(source.error(span, message, help));
         }
         for (column, right) in self.columns() {
-            column.check(source, span.clone(), right)?;
+            column.get_ref().check(source, column.span(), right)?;
         }
         for column in self.others() {
             let any = [
@@ -169,7 +175,7 @@ impl JointColumns {
                 Dimension::Effort,
                 Dimension::Voltage,
             ];
-            column.check(source, span.clone(), &any)?;
+            column.get_ref().check(source, column.span(), &any)?;
         }
         Ok(())
     }

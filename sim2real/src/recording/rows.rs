@@ -128,13 +128,14 @@ impl Segment<'_> {
         let measured: Vec<&[f64]> = measured
             .into_iter()
             .flatten()
-            .map(|column| self.numbers(&column.of(name)))
+            .map(|column| self.numbers(&column.get_ref().of(name)))
             .collect();
-        let position = columns.position.as_ref().map(|column| self.numbers(&column.of(name)));
+        let position = columns.position.as_ref().map(Spanned::get_ref);
+        let position = position.map(|column| self.numbers(&column.of(name)));
         let fresh = position.map_or_else(|| vec![true; clock.len()], |position| fresh(position, &measured));
-        let series = |column: &Option<Column>, fresh| {
+        let series = |column: &Option<Spanned<Column>>, fresh| {
+            let column = column.as_ref().map(Spanned::get_ref);
             column
-                .as_ref()
                 .map(|column| self.series(clock, column, name, fresh))
                 .unwrap_or_default()
         };
@@ -149,14 +150,14 @@ impl Segment<'_> {
             command_kind: columns
                 .command
                 .as_ref()
-                .map_or(CommandKind::Position, Column::command_kind),
+                .map_or(CommandKind::Position, |column| column.get_ref().command_kind()),
             command: series(&columns.command, None),
             position: series(&columns.position, Some(&fresh)),
             velocity: series(&columns.velocity, Some(&fresh)),
             effort: series(&columns.effort, Some(&fresh)),
             enabled,
             extra: extra
-                .map(|(key, column)| (key.clone(), self.series(clock, column, name, None)))
+                .map(|(key, column)| (key.clone(), self.series(clock, column.get_ref(), name, None)))
                 .collect(),
             repeated: fresh.iter().filter(|fresh| !**fresh).count(),
             outliers: 0,
