@@ -85,7 +85,7 @@ fn what_one_joint_lacks_is_not_lost_among_the_others_of_its_arm() {
         folder.path(),
         files,
         &nominal,
-        swings(&truth, 3, 1),
+        swings(&truth, 2, 1),
         Some(swings(&truth, 1, 100)),
     );
     assert_eq!(outcome.verdict, Verdict::Unexplained);

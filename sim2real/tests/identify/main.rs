@@ -290,7 +290,7 @@ fn friction_that_grows_while_a_log_lasts_is_a_table_over_time() {
 
 #[test]
 fn held_out_logs_change_nothing_but_the_report() {
-    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4, 0.0])]);
+    let truth = rig(&[(Kind::SensorOffset, &[0.05])]);
     let mut degrees = logs(&truth, 1, 50).swap_remove(0);
     degrees.name = "degrees".into();
     degrees.joints[0]
@@ -322,7 +322,7 @@ fn held_out_logs_change_nothing_but_the_report() {
 
 #[test]
 fn threads_change_no_bit() {
-    let truth = rig(&[(Kind::StribeckFriction, &[0.12, 0.4, 0.0])]);
+    let truth = rig(&[(Kind::SensorOffset, &[0.05])]);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)

@@ -100,7 +100,7 @@ fn what_was_interrupted_goes_on_to_the_same_bits() {
 fn whatever_it_stands_on_nothing_is_missing() {
     let truth = walker(None);
     for ground in [Ground::Own, Ground::Rigid] {
-        let outcome = found(logs(&truth, ground, 4, 0), logs(&truth, ground, 1, 100));
+        let outcome = found(logs(&truth, ground, 3, 0), logs(&truth, ground, 1, 100));
         assert_eq!(outcome.verdict, Verdict::NoMissingEffect, "{:?}", named(&outcome));
         assert!(outcome.refit.heldout.overall() < 1.5 * NOISE);
     }
@@ -109,8 +109,7 @@ fn whatever_it_stands_on_nothing_is_missing() {
 #[test]
 fn a_delay_is_named_where_the_robot_stands_freely() {
     let truth = walker(Some((Kind::CommandDelay, &[0.02])));
-    // So many stretches that effects are begun with a part of them.
-    let outcome = found(logs(&truth, Ground::Rigid, 5, 0), logs(&truth, Ground::Rigid, 1, 100));
+    let outcome = found(logs(&truth, Ground::Rigid, 3, 0), logs(&truth, Ground::Rigid, 1, 100));
     let named = named(&outcome);
     assert!(
         named.iter().any(|name| name == "command_delay"),
