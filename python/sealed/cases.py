@@ -20,7 +20,7 @@ FIFTH = [
     *(("walk", seed) for seed in range(500, 508)),
 ]
 """Those of the fixed list of the procedure as it was frozen for the fifth time that were run before intervals were seen to be too wide and
-faults of walkers to be taken for trifles, and the procedure was changed."""
+a soft spring not to be found (rig 505), and the procedure was changed."""
 
 FOURTH = [*(("rig", seed) for seed in (*range(400, 463), 464, 466, 468, 470)), ("leg", 400)]
 """Those of the fixed list of the procedure as it was frozen for the fourth time that were run before measured logs (the XL330's) showed
