@@ -73,9 +73,9 @@ class Humanoid:
     def _body(self, name: str) -> int:
         return 1 + [joint.name for joint in self.robot.tree.joints].index(name)
 
-    def model(self, servos: dict[str, Servo], effects: list[Effect], rotors: list[str]) -> mujoco.MjModel:
-        """The machine with its true `servos`; the joints in `rotors` have a rotor of their own."""
-        root = fromstring(mjcf.write(self.robot, 1.0 / STEP, legs=True))
+    def model(self, servos: dict[str, Servo], effects: list[Effect], rotors: list[str], step: float) -> mujoco.MjModel:
+        """The machine with its true `servos`, simulated in steps of `step` s; the joints in `rotors` have a rotor of their own."""
+        root = fromstring(mjcf.write(self.robot, 1.0 / step, legs=True))
         _world(root)
         bodies = {body.attrib["name"]: body for body in root.iter("body")}
         parents = {child: parent for parent in root.iter() for child in parent}

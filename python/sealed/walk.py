@@ -56,14 +56,14 @@ class Walked:
 
 
 class World:
-    """A humanoid with the faults of a case; `rng` draws how far its data sheet is off."""
+    """A humanoid with the faults of a case, simulated in steps of `step` s; `rng` draws how far its data sheet is off."""
 
-    def __init__(self, humanoid: Humanoid, case: Case, rng: np.random.Generator) -> None:
-        self.humanoid, self.case = humanoid, case
+    def __init__(self, humanoid: Humanoid, case: Case, rng: np.random.Generator, step: float = STEP) -> None:
+        self.humanoid, self.case, self.step = humanoid, case, step
         self.names = humanoid.names
         self.servos = {name: worn(servo, rng) for name, servo in humanoid.servos.items()}
         rotors = [name for name in self.names if self._actuator(name, rng).two_bodies]
-        self.model = humanoid.model(self.servos, case.effects, rotors)
+        self.model = humanoid.model(self.servos, case.effects, rotors, step)
         self.places = [place(self.model, name) for name in self.names]
         self.rotors = {name: place(self.model, f"{name}_rotor") for name in rotors}
         self.positions = np.array([at.position for at in self.places])
@@ -92,8 +92,8 @@ class _Run:
         ]
         self.log, self.reader, self.imu = Log(world.names), Reader(rng), Imu(rng)
         self.offsets = np.array([drive.actuator.offset for drive in self.drives])
-        self.ages = [round(drive.actuator.reading_age / STEP) for drive in self.drives]
-        self.history: deque[np.ndarray] = deque(maxlen=int(0.05 / STEP))
+        self.ages = [round(drive.actuator.reading_age / world.step) for drive in self.drives]
+        self.history: deque[np.ndarray] = deque(maxlen=int(0.05 / world.step))
         self.policy = policy
         self.walker = Walker(policy)
         self.walker.reset(policy.spec.clock[1] if policy.spec.clock is not None else 0.0)
@@ -106,9 +106,9 @@ class _Run:
     def until(self, seconds: float) -> Walked:
         """Runs to the end or to a fall."""
         period = 1.0 / self.policy.spec.control_hz
-        steps, ticks, next_tick = round(seconds / STEP), 0, 0.0
-        for step in range(-round(SETTLE / STEP), steps):
-            time = step * STEP
+        length, ticks, next_tick = self.world.step, 0, 0.0
+        for step in range(-round(SETTLE / length), round(seconds / length)):
+            time = step * length
             self.history.append(self.data.qpos[self.world.positions] + self.offsets)
             self._sense(time)
             if time >= next_tick:
@@ -118,7 +118,7 @@ class _Run:
                 ticks += 1
                 next_tick = ticks * period + float(self.rng.normal(0.0, LATENESS))
             for drive in self.drives:
-                drive.act(self.data, max(time, 0.0), True, STEP)
+                drive.act(self.data, max(time, 0.0), True, length)
             mujoco.mj_step(self.world.model, self.data)
         return self._walked(seconds, False)
 

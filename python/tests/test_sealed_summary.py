@@ -75,6 +75,13 @@ def test_names_false_alarms_and_leading_variables_are_counted(judged):
     assert math.isnan(judged[3].gap_closed()), "re-tuning left nothing to close"
 
 
+def test_machines_are_counted_apart_too(judged):
+    judged[0].name = "leg-0000"
+    lines = summary.tables(judged).splitlines()
+    assert lines[0] == f"| figure | all ({len(judged)}) | leg (1) | rig ({len(judged) - 1}) | to reach |"
+    assert lines[2] == "| single: right name, no wrong one | 2 of 4 (50 %) | 1 of 1 (100 %) | 1 of 3 (33 %) | 90 % |"
+
+
 def test_a_truth_that_is_not_there_is_made_again(tmp_path):
     results = tmp_path / "results"
     results.mkdir()

@@ -52,6 +52,16 @@ def test_a_healthy_robot_walks_upright_on_its_own_weight_and_its_couplings_hold(
     assert max(supports) > 1.2 * weight and max(strays) < 2e-3
 
 
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_a_world_that_comes_apart_in_its_steps_is_made_in_finer_ones(tmp_path, monkeypatch):
+    monkeypatch.setattr(walk_case, "LOGS", [("fit", 1)])
+    with pytest.raises(FloatingPointError, match="broke"):
+        walked(walk_case.world(606), 0.4)
+    truth = walk_case.write(606, tmp_path, 0.4)
+    assert [effect["name"] for effect in truth["case"]["effects"]] == ["backlash", "sensor_offset"]
+    assert all(walk["seconds"] == 0.4 and not walk["fell"] for walk in truth["walks"].values())
+
+
 @pytest.mark.parametrize(
     ("name", "parameters"),
     [

@@ -4,40 +4,43 @@
 
 use omniwalk_env::engine::EngineError;
 
+use super::cross::Folds;
 use super::model::Model;
 use super::select::Selector;
-use super::torque::{self, Dependence};
+use super::torque::{self, Dependence, Moment};
 
 /// What a variable must predict of what the re-tuned model leaves above the floor for that to say what it depends on.
 const TOLD: f64 = 0.3;
 
-/// The variable that predicts most of what joint `dof` of `model` lacks with the numbers that the robot's files have; none where those that
-/// what is left `depends_on` predict enough of it (all but the share `structure` of it is noise), or one of them predicts as much.
+/// Whether what a joint's residual `depends_on` leaves open what it is: all but the share `structure` of it is noise.
+pub fn is_untold(depends_on: &[Dependence], structure: f64) -> bool {
+    most(depends_on) < TOLD * structure
+}
+
+/// What each joint lacks under `model` with the numbers that the robot's files have.
 ///
 /// # Errors
 /// When an engine does not take the robot.
-pub fn leading(
-    selector: &Selector<'_>,
-    model: &Model,
-    dof: usize,
-    depends_on: &[Dependence],
-    structure: f64,
-) -> Result<Option<Dependence>, EngineError> {
-    let most = depends_on.iter().map(|own| own.gain).fold(0.0, f64::max);
-    if most >= TOLD * structure {
-        return Ok(None);
-    }
+pub fn lacking(selector: &Selector<'_>, model: &Model) -> Result<Vec<Vec<Moment>>, EngineError> {
     let mut nominal = model.clone();
     nominal.tuned.iter_mut().for_each(|tuned| tuned.value = tuned.nominal);
-    let moments = torque::lacking(selector.data, &nominal, selector.scales)?;
-    let fold = |block: usize| selector.folds.of_block[block];
-    let leading = torque::leading(&moments[dof], &fold, selector.folds.count);
-    Ok(leading.filter(|leading| leading.gain > most))
+    torque::lacking(selector.data, &nominal, selector.scales)
+}
+
+/// The variable that predicts most of what the nominal robot `lacks` at a joint; none where one of those that what is left `depends_on`
+/// predicts as much.
+pub fn leading(folds: &Folds, lacks: &[Moment], depends_on: &[Dependence]) -> Option<Dependence> {
+    let leading = torque::leading(lacks, &|block| folds.of_block[block], folds.count);
+    leading.filter(|leading| leading.gain > most(depends_on))
+}
+
+/// The largest share that a variable predicts.
+fn most(depends_on: &[Dependence]) -> f64 {
+    depends_on.iter().map(|own| own.gain).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::cross::Folds;
     use super::super::cut::Lengths;
     use super::super::floor::Floor;
     use super::super::hinge::{robot, swings};
@@ -66,20 +69,18 @@ mod tests {
             form: Form::Plain,
             gain,
         };
-        let of = |model: &Model, told: &[Dependence], structure| {
-            let leading = leading(&selector, model, 0, told, structure).expect("an engine");
-            leading.map(|leading| (leading.variable, leading.gain))
+        let of = |model: &Model, told: &[Dependence]| {
+            let lacks = lacking(&selector, model).expect("an engine");
+            leading(&folds, &lacks[0], told).map(|leading| (leading.variable, leading.gain))
         };
-        let found = of(&nominal, &[], 0.9).expect("a variable");
+        let found = of(&nominal, &[]).expect("a variable");
         assert!(found.1 > 0.9, "{found:?}");
         let mut bent = nominal.clone();
         bent.tuned.iter_mut().for_each(|tuned| tuned.value *= 3.0);
-        assert_eq!(
-            of(&bent, &[told(0.2)], 0.9),
-            Some(found),
-            "with the robot's own numbers"
-        );
-        assert_eq!(of(&bent, &[told(0.2)], 0.5), None, "the rest is noise");
-        assert_eq!(of(&bent, &[told(0.4)], 0.9), None);
+        assert_eq!(of(&bent, &[told(0.2)]), Some(found), "with the robot's own numbers");
+        assert_eq!(of(&bent, &[told(1.0)]), None, "one of those says as much");
+        assert!(is_untold(&[told(0.2)], 0.9));
+        assert!(!is_untold(&[told(0.2)], 0.5), "the rest is noise");
+        assert!(!is_untold(&[told(0.4)], 0.9));
     }
 }

@@ -261,20 +261,24 @@ pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -
         }
         let most = has_effect(dof) && own.share_left() > MOST_LEFT;
         let structured = is_open && (!depends_on.is_empty() || own.is_far() || most);
-        let leading = match structured && !data.is_free() && !has_effect(dof) {
-            true => bent::leading(selector, model, dof, &depends_on, own.above())?,
-            false => None,
-        };
         joints.push(Left {
             dof,
             structured,
             above_floor: above[dof],
             losses: own,
             depends_on,
-            leading,
+            leading: None,
             names: torque::names(&data.trials[0], dof),
             moments,
         });
+    }
+    let may_be_bent = |left: &Left| left.structured && !data.is_free() && !has_effect(left.dof);
+    let untold = |left: &Left| may_be_bent(left) && bent::is_untold(&left.depends_on, left.losses.above());
+    if joints.iter().any(untold) {
+        let lacks = bent::lacking(selector, model)?;
+        for left in joints.iter_mut().filter(|left| untold(left)) {
+            left.leading = bent::leading(folds, &lacks[left.dof], &left.depends_on);
+        }
     }
     Ok(Leftover {
         autocorrelation: autocorrelations(data, model),

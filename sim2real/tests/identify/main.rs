@@ -128,6 +128,22 @@ fn part(series: &Series, from: f64, to: f64) -> Series {
 }
 
 #[test]
+fn where_commands_are_lost_the_rest_of_a_log_replays_as_well_as_the_whole() {
+    let robot = rig(&[]);
+    // Motions that hardly rest: what a stretch begins with where a joint sticks, nobody knows.
+    let whole: Vec<Recording> = [0, 3, 6].iter().flat_map(|seed| logs(&robot, 1, *seed)).collect();
+    let mut lost = whole.clone();
+    for log in &mut lost {
+        let command = &mut log.joints[0].command;
+        let kept = command.time.iter().zip(&command.value);
+        let kept = kept.filter(|(t, _)| !(1.2..1.8).contains(*t));
+        (command.time, command.value) = kept.map(|(t, value)| (*t, *value)).unzip();
+    }
+    let [whole, lost] = [whole, lost].map(|logs| replay(&robot, &logs).expect("a replay").measure.overall());
+    assert!(lost < 1.2 * whole, "{lost} for {whole}");
+}
+
+#[test]
 fn logs_that_are_shorter_than_the_usual_warm_up_are_compared_too() {
     let truth = rig(&[(Kind::CommandDelay, &[0.03])]);
     let log = logs(&truth, 1, 3).swap_remove(0);
