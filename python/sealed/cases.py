@@ -8,11 +8,15 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
-    *(("rig", seed) for seed in range(600, 672)),
-    *(("leg", seed) for seed in range(600, 632)),
-    *(("walk", seed) for seed in range(600, 608)),
+    *(("rig", seed) for seed in range(700, 772)),
+    *(("leg", seed) for seed in range(700, 732)),
+    *(("walk", seed) for seed in range(700, 708)),
 ]
 """Machine and seed; to be run once, after the procedure is frozen."""
+
+SIXTH = [*(("rig", seed) for seed in range(600, 672)), ("leg", 600), *(("walk", seed) for seed in range(600, 608))]
+"""Those of the fixed list of the procedure as it was frozen for the sixth time that were run before a review found stretches that were guarded on
+one side alone, and its intervals were seen to be too narrow, and the procedure was changed."""
 
 FIFTH = [
     *(("rig", seed) for seed in range(500, 572)),
@@ -50,7 +54,7 @@ REHEARSAL = [
 ]
 """What the procedure was worked out on: no measure of it."""
 
-LISTS = {"fixed": FIXED, "fifth": FIFTH, "fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
+LISTS = {"fixed": FIXED, "sixth": SIXTH, "fifth": FIFTH, "fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
 
 
 def ensure(machine: str, seed: int, out: Path, walker: Path = POLICY) -> Path:

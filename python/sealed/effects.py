@@ -47,10 +47,11 @@ OUTSIDE: dict[str, tuple[dict[str, Range], list[str]]] = {
     ),
     "thermal_drift": ({"share": (1.5, 3.0), "time_constant": (4.0, 12.0)}, ["time", "temperature"]),
     "cable_spring": ({"torque": (0.25, 0.5), "from": (-0.2, 0.2)}, ["position"]),
-    "loose_mass": ({"mass": (0.25, 0.4), "play": (0.02, 0.04)}, ["position", "acceleration", "time"]),
+    "loose_mass": ({"mass": (0.25, 0.4), "play": (0.02, 0.04)}, ["position", "acceleration", "time", "torque", "load"]),
     "battery_sag": ({"share": (0.35, 0.6)}, ["load", "torque", "voltage"]),
 }
-"""Effects no library has, and the variables that may be named as leading."""
+"""Effects no library has, and the variables that may be named as leading. On which side a loose mass lies hangs on weight and acceleration, as
+the joint's load and its motor's torque do."""
 
 PAIRS = [
     ("stribeck_friction", "backlash"),

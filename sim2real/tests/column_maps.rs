@@ -106,6 +106,9 @@ fn faults_in_files_are_named_with_line_and_column() {
     let csv = map(CSV_MAP);
     let json =
         map("rows = \"e\"\ntime = { column = \"t\" }\n[[joint]]\nnames = [\"a\"]\nposition = { column = \"q\" }\n");
+    let runs = map(
+        "rows = \"e\"\nsegment = \"run\"\ntime = { column = \"t\" }\n[[joint]]\nnames = [\"a\"]\nposition = { column = \"q\" }\n",
+    );
     let back = CSV.replace("1010", "990");
     let word = CSV.replace("91,", "fast,");
     let short = CSV.replace("180,true,1,7300", "180");
@@ -183,6 +186,13 @@ fn faults_in_files_are_named_with_line_and_column() {
             "the file",
             "no row has a number in `q`",
         ),
+        (
+            "a.json",
+            "{\"e\": [{\"t\": 0, \"q\": 1}]}",
+            &runs,
+            "the file",
+            "no row has a text in `run`",
+        ),
         ("a.bin", "x", &json, "the file", "its name does not tell"),
     ] {
         let text = reading(name, text.as_bytes(), map).expect_err(why).to_string();
@@ -195,6 +205,11 @@ fn faults_in_maps_are_named_with_line_and_column() {
     let joint = "[[joint]]\nnames = [\"a\"]\n";
     for (text, line, why) in [
         ("tiem = 3".to_owned(), 1, "unknown field `tiem`"),
+        (
+            format!("{joint}position = {{ column = \"{}\" }}", "{joint}".repeat(999)),
+            3,
+            "a column's name would have 7992 bytes",
+        ),
         (
             format!("{joint}position = {{ column = \"q\", unit = \"rpm\" }}"),
             3,

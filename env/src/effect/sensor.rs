@@ -1,4 +1,5 @@
-//! Encoders: zero, scale, delay. Servos work with what their encoder says; the delay is that of the reading alone.
+//! Encoders: zero, scale, delay. Servos hold what their encoder says, and are damped by how fast the joint moves; the delay is that of the reading
+//! alone.
 
 use super::catalogue::{Bounds, Info, Parameter, Place, Scale, Site, positive, signed};
 use super::command::LONGEST_DELAY;

@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
-use omniwalk_env::robot::Joint;
+use omniwalk_env::robot::{Base, Joint, Robot};
 
 use super::findings::{At, Findings};
 use super::relation::{Relation, against_command, followed_far, following_while_off};
 use super::rules::{COMMANDED, LEAST_RANGE};
 use super::text::fixed;
-use super::{Fault, JointCheck, LogCheck};
+use super::{Fault, JointCheck, LogCheck, robot_joint};
 use crate::recording::{CommandKind, JointRecord, LONGEST_PAUSE, Recording, Series};
 
 /// What a lag leaves of what does not follow without it, from which on it is worth a remark, and from which on it is no chance.
@@ -114,7 +114,7 @@ impl Findings {
         }
     }
 
-    pub(super) fn signs(&mut self, recording: &Recording, check: &JointCheck, joint: &Joint, at: At<'_>) {
+    pub(super) fn signs(&mut self, check: &JointCheck, joint: &Joint, at: At<'_>) {
         if let Some(relation) = check.velocity_to_slope.filter(|relation| relation.correlation < -0.5) {
             let message = format!(
                 "the velocity goes against the slope of the position (correlation {}): its sign is flipped",
@@ -131,12 +131,34 @@ impl Findings {
                 fixed(relation.correlation, 2)
             );
             self.refuse(Fault::SignFlipped, at, message);
-        } else if relation.best_correlation < 0.2 && !follows_another(recording, check) {
-            let message = format!(
-                "the joint does not follow its commands (correlation {}): log and commands do not belong together",
-                fixed(relation.best_correlation, 2)
-            );
-            self.refuse(Fault::Unrelated, at, message);
+        }
+    }
+
+    /// Joints that follow no commands. On the ground, one whose commands are late or limited is moved by what it stands on: where the others of
+    /// a robot that walks follow theirs, log and commands do belong together.
+    pub(super) fn unrelated(&mut self, recording: &Recording, log: &LogCheck, robot: &Robot) {
+        let driven =
+            |check: &&JointCheck| robot_joint(robot, &check.name).is_some_and(|joint| joint.actuator.is_some());
+        let told = log.joints.iter().filter(driven).filter(|check| told(check));
+        let related: Vec<(&JointCheck, Relation)> = told.filter_map(|check| Some((check, check.following?))).collect();
+        let follow = related.iter().filter(|(_, own)| own.best_correlation > 0.5).count();
+        let walks = robot.base == Base::Floating && 2 * follow > related.len();
+        let lost = |(check, own): &&(&JointCheck, Relation)| {
+            own.best_correlation < 0.2 && !is_flipped(own) && !follows_another(recording, check)
+        };
+        for (check, relation) in related.iter().filter(lost) {
+            let at = At {
+                log: Some(&log.name),
+                joint: Some(&check.name),
+            };
+            let correlation = fixed(relation.best_correlation, 2);
+            let message = format!("the joint does not follow its commands (correlation {correlation})");
+            if walks {
+                self.remark(Fault::Unrelated, at, format!("{message}, as others do"));
+            } else {
+                let message = format!("{message}: log and commands do not belong together");
+                self.refuse(Fault::Unrelated, at, message);
+            }
         }
     }
 

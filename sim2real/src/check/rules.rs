@@ -45,6 +45,7 @@ impl Findings {
                     found.joint(recording, check, joint);
                 }
             }
+            found.unrelated(recording, log, robot);
             found.swaps(recording, log);
             found.same_readings(recording, log);
         }
@@ -192,7 +193,7 @@ impl Findings {
             self.lost_commands(recording, at);
         }
         self.units(check, joint, at);
-        self.signs(recording, check, joint, at);
+        self.signs(check, joint, at);
         self.switch(recording, check, at);
         if check.position.in_gaps > 0.5 {
             let message = format!(

@@ -28,6 +28,9 @@ impl Plan {
             let (places, motions): (Vec<usize>, Vec<Motion>) = motions
                 .map(|(place, motion)| (place, motion.of_limb(robot, limb)))
                 .unzip();
+            if motions.is_empty() {
+                return Ok(None);
+            }
             let own = limb.dofs.iter().position(|&own| own == dof).unwrap_or(0);
             Ok(Some((places, shown(&limb.robot, own, &motions)?)))
         };

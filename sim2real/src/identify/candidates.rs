@@ -218,8 +218,10 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
         }
         Kind::PositionRipple => {
             let amplitude = 0.0;
+            let highest = kind.info().parameters[2].bounds.upper;
             let own = ripples[target]
                 .iter()
+                .filter(|&&f| f <= highest)
                 .map(|&f| term(vec![amplitude, amplitude, f], vec![0, 1, 2]));
             vec![own.collect()]
         }

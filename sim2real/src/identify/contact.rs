@@ -1,6 +1,6 @@
-//! How far a model of ground contact can be believed: two engines that have different ones are compared.
+//! How far a model of ground contact can be believed: one on a slippery ground, at half the physics step, is compared with the other.
 //!
-//! Neither is the ground's. Where they differ by more than the encoder's noise, which is about touchdown, a stretch says nothing of
+//! Neither is the ground's. Where the two differ by more than the encoder's noise, which is about touchdown, a stretch says nothing of
 //! the robot and is left out; what they differ by in the others is part of the floor, and no effect is named of which another ground would make half.
 
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use super::rollout::{self, GROUND, Rollout, level};
 use super::starts;
 use super::trial::{DT, Trial};
 
-/// A stretch is kept where the engines differ by less than so many times the noise, root mean square.
+/// A stretch is kept where the grounds differ by less than so many times the noise, root mean square.
 const AGREED: f64 = 2.0;
 /// A stretch is left out where it is so many times as far off as half of them are at most.
 const UNUSUAL: f64 = 2.5;
@@ -124,7 +124,7 @@ fn at<'a>(trials: &'a [Trial], robots: &[Logged]) -> Vec<(&'a Trial, Robot)> {
         .collect()
 }
 
-/// Leaves those of `trials`, which `robots` are at, whose starts are fitted and about which the engines agree.
+/// Leaves those of `trials`, which `robots` are at, whose starts are fitted and about which the grounds agree.
 ///
 /// # Errors
 /// When an engine does not take a robot.

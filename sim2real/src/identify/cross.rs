@@ -36,7 +36,7 @@ pub struct Folds {
     /// Fold of each block.
     pub of_block: Vec<usize>,
     /// Blocks that are not used for fitting either when a fold is left out: those beside it in the same log.
-    guard: Vec<Option<usize>>,
+    guard: Vec<[Option<usize>; 2]>,
     /// What draws of the bootstrap are made of: the cluster of each block.
     cluster: Vec<usize>,
     /// What folds are, for the report.
@@ -67,7 +67,7 @@ impl Folds {
         let mut folds = Self {
             count: 0,
             of_block: vec![0; data.blocks],
-            guard: vec![None; data.blocks],
+            guard: vec![[None; 2]; data.blocks],
             cluster: (0..data.blocks).collect(),
             by: "log".into(),
         };
@@ -76,6 +76,11 @@ impl Folds {
             folds.of_block = log_of.iter().map(|&log| fold_of_log[log]).collect();
         } else {
             folds.by_time(data, &log_of);
+            // In logs of a block or three nothing is left to fit to between what is left out and its guard.
+            if !folds.all_have_others() {
+                folds = folds.of_logs(data);
+                folds.by = "log".into();
+            }
         }
         if logs >= MANY_LOGS {
             folds.cluster = log_of;
@@ -94,7 +99,7 @@ impl Folds {
         Self {
             count: logs.min(FOLDS),
             of_block: log_of.iter().map(|log| log % FOLDS).collect(),
-            guard: vec![None; data.blocks],
+            guard: vec![[None; 2]; data.blocks],
             ..self.clone()
         }
     }
@@ -128,16 +133,23 @@ impl Folds {
             for b in start + 1..end {
                 let (left, right) = (self.of_block[b - 1], self.of_block[b]);
                 if left != right {
-                    (self.guard[b], self.guard[b - 1]) = (Some(left), Some(right));
+                    (self.guard[b][0], self.guard[b - 1][1]) = (Some(left), Some(right));
                 }
             }
             start = end;
         }
     }
 
+    /// Whether blocks are left to fit to whichever fold is left out.
+    fn all_have_others(&self) -> bool {
+        let blocks = 0..self.of_block.len();
+        let left = |fold: &usize| blocks.clone().any(|b| self.trains(b, *fold));
+        self.of_block.iter().all(left)
+    }
+
     /// Whether block `b` is fitted to when `fold` is left out.
     fn trains(&self, b: usize, fold: usize) -> bool {
-        self.of_block[b] != fold && self.guard[b] != Some(fold)
+        self.of_block[b] != fold && !self.guard[b].contains(&Some(fold))
     }
 
     /// Loss of every block, by degree of freedom ([`Data::cells`]), under the model fitted without it: one Gauss-Newton step from the fit
@@ -246,7 +258,8 @@ impl Folds {
         let mean = (a + b) / (2.0 * clusters.len() as f64);
         let change = |[a, b]: &[f64; 2]| (a - b) / (a + b + mean);
         let changes: Vec<f64> = clusters.values().map(change).collect();
-        significance(&changes).min(ratio_test(&clusters, a, b))
+        // The better of two tests is better by chance twice as often.
+        (2.0 * significance(&changes).min(ratio_test(&clusters, a, b))).min(1.0)
     }
 }
 
@@ -384,6 +397,26 @@ mod tests {
     }
 
     #[test]
+    fn what_is_beside_a_stretch_that_is_left_out_is_not_fitted_to() {
+        let robot = robot("kp = 30.0\nkd = 1.0\n");
+        let folds = |block| {
+            let data = swings(&robot, 3, Lengths { block, piece: 60.0 });
+            (Folds::new(&data), block_logs(&data))
+        };
+        let (by_time, logs) = folds(1.0);
+        assert!(by_time.by.starts_with("stretches"));
+        for (b, _) in logs.windows(2).enumerate().filter(|(_, pair)| pair[0] == pair[1]) {
+            let [left, right] = [b, b + 1].map(|b| by_time.of_block[b]);
+            assert!(!by_time.trains(b, right) && !by_time.trains(b + 1, left), "{b}");
+        }
+        assert!(by_time.all_have_others());
+        // Two blocks a log: beside either there is nothing left but its guard.
+        let (whole, logs) = folds(4.0);
+        assert_eq!((whole.by.as_str(), whole.count), ("log", 3));
+        assert!(whole.all_have_others() && whole.of_block == logs);
+    }
+
+    #[test]
     fn tails_are_those_of_the_tables() {
         for (t, freedom, p) in [
             (1.812, 10.0, 0.05),
@@ -402,7 +435,7 @@ mod tests {
         let folds = Folds {
             count: FOLDS,
             of_block: vec![0; BLOCKS],
-            guard: vec![None; BLOCKS],
+            guard: vec![[None; 2]; BLOCKS],
             cluster: (0..BLOCKS).collect(),
             by: String::new(),
         };

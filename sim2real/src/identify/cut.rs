@@ -48,6 +48,26 @@ pub struct Lengths {
     pub piece: f64,
 }
 
+/// From when to when every joint of `robot` was read, and its base is known, s.
+fn span(robot: &Robot, recording: &Recording, joints: &[&JointRecord]) -> Result<(f64, f64), TrialError> {
+    let known = match robot.base {
+        Base::Floating => base_known(robot, recording)?,
+        Base::Fixed => (f64::NEG_INFINITY, f64::INFINITY),
+    };
+    let first = joints.iter().map(|j| j.position.time[0]).fold(known.0, f64::max);
+    let last = joints.iter().map(|j| end(&j.position)).fold(known.1, f64::min);
+    Ok((first, last))
+}
+
+/// How long that is, s.
+///
+/// # Errors
+/// [`TrialError`] when the log is not one of this robot.
+pub fn seconds(robot: &Robot, recording: &Recording) -> Result<f64, TrialError> {
+    let (first, last) = span(robot, recording, &joints(robot, recording)?)?;
+    Ok((last - first).max(0.0))
+}
+
 /// The part of `recording` (log number `log`) from `from` to `to` s after its first reading, in pieces.
 ///
 /// # Errors
@@ -61,13 +81,8 @@ pub fn cut(
 ) -> Result<Vec<Trial>, TrialError> {
     let joints = joints(robot, recording)?;
     let free = robot.base == Base::Floating;
-    let (known, stretch) = if free {
-        (base_known(robot, recording)?, FREE)
-    } else {
-        ((f64::NEG_INFINITY, f64::INFINITY), stand(recording, lengths))
-    };
-    let first = joints.iter().map(|j| j.position.time[0]).fold(known.0, f64::max);
-    let last = joints.iter().map(|j| end(&j.position)).fold(known.1, f64::min);
+    let (first, last) = span(robot, recording, &joints)?;
+    let stretch = if free { FREE } else { stand(last - first, lengths) };
     let earliest = first + LEAD + stretch.warm_up;
     let (from, to) = ((first + from).max(earliest), (first + to).min(last));
     let source = Source {
@@ -97,13 +112,9 @@ pub fn cut(
     Ok(pieces.filter_map(|span| piece(&span)).collect())
 }
 
-/// How a robot is followed whose base is held.
-fn stand(recording: &Recording, lengths: Lengths) -> Stretch {
-    let warm_up = if recording.duration() < SHORT {
-        FREE.warm_up
-    } else {
-        HELD.warm_up
-    };
+/// How a robot is followed whose base is held, in a log of so many `seconds`.
+fn stand(seconds: f64, lengths: Lengths) -> Stretch {
+    let warm_up = if seconds < SHORT { FREE.warm_up } else { HELD.warm_up };
     Stretch {
         longest: HELD.longest.min(lengths.piece),
         warm_up,
@@ -189,7 +200,6 @@ impl Source<'_> {
         Trial {
             name: recording.name.clone(),
             log: self.log,
-            groups: recording.groups.clone(),
             overrides: recording.overrides.clone(),
             start,
             steps,

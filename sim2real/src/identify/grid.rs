@@ -52,6 +52,7 @@ mod tests {
     #[test]
     fn tables_have_no_points_where_hardly_any_moments_are() {
         let at = |value: f64| Moment {
+            trial: 0,
             log: 0,
             block: 0,
             torque: 0.0,

@@ -22,7 +22,7 @@ const SHARE_LEFT: f64 = 0.0625;
 /// Effects that leave more than this share explain less than half: something is missing even where nothing predicts it.
 const MOST_LEFT: f64 = 0.5;
 /// Beyond so many times the floor's square something is missing even where nothing predicts it.
-const FAR_ABOVE: f64 = 9.0;
+const FAR_ABOVE: f64 = 6.25;
 /// Autocorrelation over 0.1 s from which on what is so far above the floor is no noise, however much effects took.
 const COLOURED: f64 = 0.25;
 /// A physics step is too coarse to report with when half of it changes more than this share of the residual: values would

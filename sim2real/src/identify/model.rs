@@ -168,7 +168,7 @@ impl Model {
                 Free {
                     scale,
                     lower,
-                    upper: parameter.bounds.upper / scale,
+                    upper: (parameter.bounds.upper / scale).max(lower),
                     step: 5e-3 * near.max(0.1 * typical),
                 }
             })

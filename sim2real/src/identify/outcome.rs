@@ -68,6 +68,10 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
     alike.extend_from_slice(&found.causes);
     let in_set = |kind, target| found.alike.iter().any(|a| a.chosen == (kind, target));
     let mut accepted = Vec::new();
+    let after = match found.last.terms.len() {
+        0 => f64::NAN,
+        _ => measure_model(robot, &found.last, &heldout, found.finer)?.overall(),
+    };
     for (i, term) in found.last.terms.iter().enumerate() {
         if in_set(term.kind, term.target) {
             continue;
@@ -77,7 +81,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
             target: target(robot, term.kind, term.target),
             parameters: parameters(&parts, i),
             heldout_rmse_before: measure_model(robot, &found.without[i], &heldout, found.finer)?.overall(),
-            heldout_rmse_after: measure_model(robot, &found.last, &heldout, found.finer)?.overall(),
+            heldout_rmse_after: after,
             p_value: found.p_values.get(i).copied().unwrap_or(1.0),
         });
     }

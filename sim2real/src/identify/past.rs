@@ -35,7 +35,7 @@ pub fn predict(moments: &[Moment], variable: usize, fold: &dyn Fn(usize) -> usiz
     out
 }
 
-/// A column a moment: one, and the variable now and before, as far back as its log goes, over its typical size.
+/// A column a moment: one, and the variable now and before, as far back as its trial goes, over its typical size.
 fn rows(moments: &[Moment], variable: usize) -> DMatrix<f64> {
     let value = |k: usize| moments[k].values[variable];
     let squares: f64 = (0..moments.len()).map(|k| value(k) * value(k)).sum();
@@ -43,7 +43,7 @@ fn rows(moments: &[Moment], variable: usize) -> DMatrix<f64> {
     let mut first = 0;
     let firsts: Vec<usize> = (0..moments.len())
         .map(|k| {
-            if moments[k].log != moments[first].log {
+            if moments[k].trial != moments[first].trial {
                 first = k;
             }
             first
@@ -63,7 +63,8 @@ mod tests {
     fn what_comes_late_is_predicted_by_the_past() {
         let value = |k: usize| (0.37 * k as f64).sin() + (0.0913 * (k * k % 977) as f64).cos();
         let moment = |k: usize| Moment {
-            log: k / 1000,
+            trial: k / 1000,
+            log: 0,
             block: k / 100,
             torque: if k % 1000 < 8 { 0.0 } else { 0.3 * value(k - 8) },
             values: vec![value(k)],

@@ -51,7 +51,7 @@ pub fn split(robot: &Robot, logs: &[Recording], given: bool) -> Result<Split, Tr
     let (mut fit, mut heldout) = (Vec::new(), Vec::new());
     for (i, log) in logs.iter().enumerate() {
         if aside.is_empty() {
-            let split = 0.75 * log.duration();
+            let split = 0.75 * cut::seconds(robot, log)?;
             fit.extend(cut::cut(robot, log, i, (0.0, split), lengths)?);
             heldout.extend(cut::cut(robot, log, i, (split, f64::INFINITY), lengths)?);
         } else if aside.contains(&i) {
@@ -61,6 +61,7 @@ pub fn split(robot: &Robot, logs: &[Recording], given: bool) -> Result<Split, Tr
         }
     }
     renumber(&mut fit);
+    renumber(&mut heldout);
     Ok(Split { fit, heldout, note })
 }
 
@@ -109,9 +110,18 @@ fn cut_all(robot: &Robot, logs: &[Recording], lengths: Lengths) -> Result<Vec<Tr
     Ok(trials)
 }
 
-/// Numbers logs without gaps, and leaves out pieces without readings.
+/// Numbers logs without gaps, and leaves out pieces without readings and what only some of the others measured beside motion.
 fn renumber(trials: &mut Vec<Trial>) {
     trials.retain(|trial| trial.steps > 0 && !trial.readings.is_empty());
+    let named = |trial: &Trial| -> BTreeSet<(Option<usize>, String)> {
+        let names = trial.conditions.iter().map(|(joint, name, _)| (*joint, name.clone()));
+        names.collect()
+    };
+    let common = trials.iter().map(named).reduce(|a, b| &a & &b).unwrap_or_default();
+    for trial in trials.iter_mut() {
+        let is_common = |(joint, name, _): &(Option<usize>, String, Vec<f64>)| common.contains(&(*joint, name.clone()));
+        trial.conditions.retain(is_common);
+    }
     let logs: BTreeSet<usize> = trials.iter().map(|trial| trial.log).collect();
     let order: Vec<usize> = logs.into_iter().collect();
     for trial in trials {

@@ -23,7 +23,9 @@ const SLOPE: usize = 12;
 /// A moment of a trial: the torque that one joint lacks, and everything it may depend on.
 #[derive(Clone, Debug)]
 pub struct Moment {
-    /// Log it is from.
+    /// Trial it is from.
+    pub trial: usize,
+    /// Log that is of.
     pub log: usize,
     /// Block of time, over all trials.
     pub block: usize,
@@ -95,6 +97,7 @@ pub fn lacking(data: &Data, model: &Model, scales: &Scales) -> Result<Vec<Vec<Mo
                             .iter()
                             .filter(|(joint, _, _)| joint.is_none_or(|j| j == d));
                         out[d].push(Moment {
+                            trial: t,
                             log: trial.log,
                             block: data.first_block[t] + block_of(trial, step as f64),
                             torque: share,
@@ -319,7 +322,9 @@ fn slow(moments: &[Moment]) -> f64 {
 pub(super) fn knots(moments: &[Moment], variable: usize, points: usize) -> Vec<f64> {
     let mut values: Vec<f64> = moments.iter().map(|m| m.values[variable]).collect();
     values.sort_by(f64::total_cmp);
-    let last = values.len() - 1;
+    let Some(last) = values.len().checked_sub(1) else {
+        return Vec::new();
+    };
     let mut knots: Vec<f64> = (0..points).map(|k| values[k * last / (points - 1)]).collect();
     let apart = 1e-6 * (values[last] - values[0]).abs() + 1e-12;
     knots.dedup_by(|a, b| (*a - *b).abs() <= apart);
@@ -388,6 +393,7 @@ mod tests {
         let at = |k: usize| {
             let (q, v) = ((0.013 * k as f64).sin(), (0.0371 * k as f64).cos());
             Moment {
+                trial: 0,
                 log: 0,
                 block: k / 100,
                 torque: torque(q, v),

@@ -140,8 +140,6 @@ pub struct Trial {
     pub name: String,
     /// Which log it is a piece of.
     pub log: usize,
-    /// Labels of the log.
-    pub groups: BTreeMap<String, String>,
     /// The robot's parameters that are different in this log.
     pub overrides: BTreeMap<String, f64>,
     /// Time of its start in the log, s.

@@ -42,7 +42,7 @@ pub fn chosen(robot: &Robot, trials: Vec<Trial>) -> Vec<Trial> {
                 continue;
             };
             left -= seconds(&trials[next]);
-            if left < 0.0 {
+            if left < 0.0 && taken.contains(&true) {
                 break 'full;
             }
             (taken[next], any) = (true, true);

@@ -45,7 +45,7 @@ fn ranges(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
             continue;
         }
         let name = &task.robot.dof(term.target).name;
-        let _ = write!(out, "\n[[range]]\nid = {:?}\nmatch = [{name:?}]\n", info.id);
+        let _ = write!(out, "\n[[range]]\nid = {:?}\nmatch = [{}]\n", info.id, quoted(name));
         for &(i, half) in known {
             let [lower, upper] = drawn(&info.parameters[i], term.values[i], half);
             let _ = writeln!(out, "{} = [{lower:?}, {upper:?}]", info.parameters[i].name);
@@ -73,6 +73,11 @@ fn drawn(parameter: &Parameter, value: f64, half: f64) -> [f64; 2] {
     [lower.max(parameter.bounds.lower), upper.min(parameter.bounds.upper)]
 }
 
+/// A name as a string of TOML, which knows other escapes than Rust.
+fn quoted(name: &str) -> String {
+    toml::Value::from(name).to_string()
+}
+
 /// The numbers of `model`, with the `intervals` of those that are re-tuned and then of effects; what was re-tuned beside a table has none.
 fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
     let robot = task.robot;
@@ -87,7 +92,7 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
     for tuned in &model.tuned {
         if last != Some(tuned.dof) {
             let joint = robot.dof(tuned.dof);
-            let _ = write!(out, "\n[[joint]]\nmatch = [{:?}]\n", joint.name);
+            let _ = write!(out, "\n[[joint]]\nmatch = [{}]\n", quoted(&joint.name));
             // Where no file has it, it is guessed from the torque limit, which may be another now.
             if let Some(actuator) = &joint.actuator {
                 let _ = writeln!(out, "kp = {:?}", actuator.kp);
@@ -102,21 +107,21 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
     }
     for term in &model.terms {
         let info = term.kind.info();
-        let name = match info.site {
+        let name = quoted(match info.site {
             Site::Joint => &robot.dof(term.target).name,
             Site::Link => &robot.links[term.target].name,
-        };
+        });
         match info.place {
             Place::Joint(key) => {
                 let _ = write!(
                     out,
-                    "\n[[joint]]\nmatch = [{name:?}]\n{key} = {:?}{}\n",
+                    "\n[[joint]]\nmatch = [{name}]\n{key} = {:?}{}\n",
                     term.values[0],
                     comment()
                 );
             }
             Place::Table => {
-                let _ = write!(out, "\n[[effect]]\nid = {:?}\nmatch = [{name:?}]\n", info.id);
+                let _ = write!(out, "\n[[effect]]\nid = {:?}\nmatch = [{name}]\n", info.id);
                 for (i, parameter) in info.parameters.iter().enumerate() {
                     let said = if term.free.contains(&i) {
                         comment()

@@ -10,6 +10,8 @@ use toml::Spanned;
 use super::CommandKind;
 use super::units::{Dimension, fitting, unit};
 
+/// Longest name of a joint's column, bytes.
+const MAX_NAME: usize = 1000;
 /// Largest magnitude of a scale or offset.
 const MAX_VALUE: f64 = 1e12;
 
@@ -164,6 +166,15 @@ impl JointColumns {
         if let Some(message) = fault {
             let help = "name joints, and put `{joint}` where their names are in column names";
             return Err(source.error(span, message, help));
+        }
+        let longest = self.names.iter().map(String::len).max().unwrap_or(0);
+        for column in self.columns().map(|(column, _)| column).chain(self.others()) {
+            let name = &column.get_ref().column;
+            let bytes = name.len() + name.matches("{joint}").count() * longest;
+            if bytes > MAX_NAME {
+                let message = format!("a column's name would have {bytes} bytes");
+                return Err(source.error(column.span(), message, format!("use at most {MAX_NAME}")));
+            }
         }
         for (column, right) in self.columns() {
             column.get_ref().check(source, column.span(), right)?;

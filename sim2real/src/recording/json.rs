@@ -95,11 +95,13 @@ impl Sink {
                 .numbers
                 .iter()
                 .find(|(_, values)| values.iter().all(|value| value.is_nan()));
+            let help = "check the column names in the map";
             if let Some((name, _)) = missing {
-                return Err((
-                    format!("no row has a number in `{name}`"),
-                    "check the column names in the map".into(),
-                ));
+                return Err((format!("no row has a number in `{name}`"), help.into()));
+            }
+            let mut texts = self.table.texts.iter();
+            if let Some((name, _)) = texts.find(|(_, values)| values.iter().all(String::is_empty)) {
+                return Err((format!("no row has a text in `{name}`"), help.into()));
             }
             return Ok(self.table);
         }

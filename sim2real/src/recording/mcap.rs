@@ -235,7 +235,10 @@ impl Gathered {
         let Some(rows) = [name, ""].iter().find_map(|name| self.enabled.joints.get(*name)) else {
             return Ok(Series::default());
         };
-        self.series(ENABLED, times, rows, &rows.position, None)
+        let mut enabled = self.series(ENABLED, times, rows, &rows.position, None)?;
+        let is_on = |value: &mut f64| *value = f64::from(u8::from(*value > 0.0));
+        enabled.value.iter_mut().for_each(is_on);
+        Ok(enabled)
     }
 
     /// The values of `rows` that are there, on the topic's clock; of equal times the first counts.

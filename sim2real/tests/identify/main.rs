@@ -116,6 +116,18 @@ fn what_is_measured_beside_positions_is_compared_too() {
     assert!(late.measure.by_quantity["joint_velocity"]["rmse"] > 5.0 * velocity);
 }
 
+#[test]
+fn what_only_some_logs_measured_beside_motion_is_left_out() {
+    let robot = rig(&[]);
+    let mut own = logs(&robot, 2, 0);
+    for (log, name) in own.iter_mut().zip(["load", "temperature"]) {
+        let joint = &mut log.joints[0];
+        joint.extra.insert(name.into(), joint.position.clone());
+    }
+    let replayed = replay(&robot, &own).expect("a replay");
+    assert!(replayed.measure.overall().is_finite());
+}
+
 /// What `series` has from `from` to `to` s, from there.
 fn part(series: &Series, from: f64, to: f64) -> Series {
     let own = series

@@ -43,12 +43,10 @@ impl Selector<'_> {
                     let candidates = self.rivals(&without.fit.model, &[&first, &second]);
                     let tried = self.try_all(steps, &without, candidates).judged;
                     let best = tried.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
-                    if let Some(best) = best.filter(|best| !self.apart(&best.cross, &steps.now.cross)) {
-                        // What is on other joints was held.
-                        steps.now = match best.fit.model.is_held() {
-                            true => self.fit_near(&best.fit.model),
-                            false => best.clone(),
-                        };
+                    let as_good = |one: &Judged| !self.apart(&one.cross, &steps.now.cross);
+                    let one = best.filter(|best| as_good(best)).map(|best| self.whole(best));
+                    if let Some(one) = one.filter(as_good) {
+                        steps.now = one;
                         continue 'again;
                     }
                 }
@@ -78,8 +76,11 @@ impl Selector<'_> {
                 // The exchanged term stands last; terms are visited by place, so it takes the old one's.
                 let mut model = better.fit.model.clone();
                 model.terms[i..].rotate_right(1);
-                steps.now = self.fit_near(&model);
-                term = model.terms[i].clone();
+                let whole = self.fit_near(&model);
+                if !model.is_held() || self.apart(&steps.now.cross, &whole.cross) {
+                    steps.now = whole;
+                    term = model.terms[i].clone();
+                }
             }
             let mut others: Vec<(Kind, usize)> = Vec::new();
             let (mut models, mut values) = (Vec::new(), Vec::new());
@@ -109,6 +110,14 @@ impl Selector<'_> {
             }
         }
         alike
+    }
+
+    /// `judged`, fitted with what is on other joints, if that was held.
+    fn whole(&self, judged: &Judged) -> Judged {
+        match judged.fit.model.is_held() {
+            true => self.fit_near(&judged.fit.model),
+            false => judged.clone(),
+        }
     }
 
     /// Fits what was `tried` in an effect's place, and does nearly what that does, again: from about its end, and without the hold in which

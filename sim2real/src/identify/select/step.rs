@@ -37,6 +37,17 @@ impl Tried {
         self.judged.extend(other.judged);
     }
 
+    /// Leaves out what has the effects of `own`; false where nothing does.
+    fn leave(&mut self, own: &Judged) -> bool {
+        let own = terms(&own.fit.model);
+        let Some(place) = self.judged.iter().position(|judged| terms(&judged.fit.model) == own) else {
+            return false;
+        };
+        self.candidates.remove(place);
+        self.judged.remove(place);
+        true
+    }
+
     pub(super) fn iter(&self) -> impl Iterator<Item = (&Candidate, &Judged)> {
         self.candidates.iter().zip(&self.judged)
     }
@@ -63,7 +74,7 @@ impl Selector<'_> {
         let count = candidates.len();
         steps.most = steps.most.max(count);
         let (candidates, left) = self.promising(&now.fit.model, candidates);
-        let tried = self.try_all(steps, &now, candidates);
+        let mut tried = self.try_all(steps, &now, candidates);
         for (candidate, share) in &left {
             note(&mut steps.rejected, candidate, Gain::NONE, Some(*share));
         }
@@ -75,19 +86,29 @@ impl Selector<'_> {
             note(&mut steps.rejected, candidate, gain, None);
         }
         // Those that were not fitted were tried as well: what was fitted is the best of all of them.
-        let chosen = match stage {
-            Stage::Readings => self.best(&now, &tried.judged, count),
-            Stage::All => self.choose(&now, &tried, count),
-        };
-        let Some(next) = chosen else {
-            return false;
+        let next = loop {
+            let chosen = match stage {
+                Stage::Readings => self.best(&now, &tried.judged, count),
+                Stage::All => self.choose(&now, &tried, count),
+            };
+            let Some(chosen) = chosen else {
+                return false;
+            };
+            let whole = self.fit_near(&chosen.fit.model);
+            // The numbers of other joints were held as they fit all logs, and those of the model before were not.
+            if !chosen.fit.model.is_held() || self.is_better(&now, &whole, count) {
+                break whole;
+            }
+            if !tried.leave(&chosen) {
+                return false;
+            }
         };
         let new = next.fit.model.terms.iter().map(|term| (term.kind, term.target));
         steps.counts.extend(
             new.filter(|own| !now.fit.model.has(own.0, own.1))
                 .map(|own| (own, count)),
         );
-        steps.now = self.fit_near(&next.fit.model);
+        steps.now = next;
         steps.known.push((terms(&steps.now.fit.model), steps.now.clone()));
         self.drop_needless(steps);
         self.refine(steps);
