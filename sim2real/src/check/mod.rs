@@ -251,8 +251,7 @@ fn log_check(recording: &Recording, robot: &Robot) -> LogCheck {
 
 fn joint_check(record: &JointRecord, joint: &omniwalk_env::robot::Joint) -> JointCheck {
     let position = Channel::new(&record.position);
-    let on = |time: f64| record.enabled.held_at(time).is_none_or(|on| *on > 0.0);
-    let count = record.position.time.iter().filter(|time| on(**time)).count();
+    let count = record.position.time.iter().filter(|time| record.is_on(**time)).count();
     JointCheck {
         name: record.name.clone(),
         command: Channel::new(&record.command),

@@ -109,10 +109,12 @@ pub(super) fn following_while_off(joint: &JointRecord) -> Option<Relation> {
 
 /// Times and positions while the motor is on, or off.
 fn while_switched(joint: &JointRecord, is_on: bool) -> Vec<(f64, f64)> {
-    let on = |time: f64| joint.enabled.held_at(time).is_none_or(|on| *on > 0.0) == is_on;
     let stride = joint.position.len().div_ceil(MAX_SAMPLES).max(1);
     let samples = joint.position.time.iter().zip(&joint.position.value).step_by(stride);
-    samples.filter(|(time, _)| on(**time)).map(|(t, p)| (*t, *p)).collect()
+    samples
+        .filter(|(time, _)| joint.is_on(**time) == is_on)
+        .map(|(t, p)| (*t, *p))
+        .collect()
 }
 
 /// The measured velocity against the slope of the position; `None` where one is missing or nothing varies.

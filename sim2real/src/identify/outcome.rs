@@ -10,7 +10,7 @@ use super::found::Found;
 use super::heldout::Heldout;
 use super::leftover::Left;
 use super::measure::{Measure, measure_each};
-use super::model::Model;
+use super::model::{Model, Term};
 use super::motion;
 use super::report::{
     Accepted, Alternative, JointGap, MeasuredTable, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained,
@@ -66,34 +66,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
     let by_joint = by_joint(&parts, &refit, &last);
     let mut alike: Vec<Vec<String>> = found.alike.iter().map(|alike| set(robot, alike)).collect();
     alike.extend_from_slice(&found.causes);
-    let in_set = |kind, target| found.alike.iter().any(|a| a.chosen == (kind, target));
-    let mut accepted = Vec::new();
-    let after = match found.last.terms.len() {
-        0 => f64::NAN,
-        _ => measure_model(robot, &found.last, &heldout, found.finer)?.overall(),
-    };
-    for (i, term) in found.last.terms.iter().enumerate() {
-        if in_set(term.kind, term.target) {
-            continue;
-        }
-        accepted.push(Accepted {
-            effect: term.kind.id(),
-            target: target(robot, term.kind, term.target),
-            parameters: parameters(&parts, i),
-            heldout_rmse_before: measure_model(robot, &found.without[i], &heldout, found.finer)?.overall(),
-            heldout_rmse_after: after,
-            p_value: found.p_values.get(i).copied().unwrap_or(1.0),
-        });
-    }
-    let verdict = if found.left.structured().next().is_some() {
-        Verdict::Unexplained
-    } else if !alike.is_empty() {
-        Verdict::Indistinguishable
-    } else if accepted.is_empty() {
-        Verdict::NoMissingEffect
-    } else {
-        Verdict::Explained
-    };
+    let accepted = accepted(&parts, &heldout)?;
     let rejected = found.rejected.iter().map(|r| Rejected {
         effect: r.kind.id(),
         target: target(robot, r.kind, r.target),
@@ -101,7 +74,7 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
     });
     Ok(Outcome {
         robot: robot.name.clone(),
-        verdict,
+        verdict: verdict(found, &alike, &accepted),
         reasons: Vec::new(),
         nominal,
         refit,
@@ -131,6 +104,42 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
         heldout_error: error,
         trials: [parts.fitted.to_vec(), heldout],
     })
+}
+
+/// The effects that were accepted by themselves, with the errors of `heldout` with and without each.
+fn accepted(parts: &Parts<'_>, heldout: &[Trial]) -> Result<Vec<Accepted>, IdentifyError> {
+    let Parts { robot, found, .. } = *parts;
+    let error = |model: &Model| Ok::<_, IdentifyError>(measure_model(robot, model, heldout, found.finer)?.overall());
+    let in_set = |kind, target| found.alike.iter().any(|alike| alike.chosen == (kind, target));
+    let alone = found.last.terms.iter().enumerate();
+    let alone: Vec<_> = alone.filter(|(_, term)| !in_set(term.kind, term.target)).collect();
+    if alone.is_empty() {
+        return Ok(Vec::new());
+    }
+    let after = error(&found.last)?;
+    let one = |(i, term): (usize, &Term)| {
+        Ok(Accepted {
+            effect: term.kind.id(),
+            target: target(robot, term.kind, term.target),
+            parameters: parameters(parts, i),
+            heldout_rmse_before: error(&found.without[i])?,
+            heldout_rmse_after: after,
+            p_value: found.p_values.get(i).copied().unwrap_or(1.0),
+        })
+    };
+    alone.into_iter().map(one).collect()
+}
+
+fn verdict(found: &Found, alike: &[Vec<String>], accepted: &[Accepted]) -> Verdict {
+    if found.left.structured().next().is_some() {
+        Verdict::Unexplained
+    } else if !alike.is_empty() {
+        Verdict::Indistinguishable
+    } else if accepted.is_empty() {
+        Verdict::NoMissingEffect
+    } else {
+        Verdict::Explained
+    }
 }
 
 /// Share of the gap between the error `before` and the floor that is gone `after`; none where there was none, or an error is not known.

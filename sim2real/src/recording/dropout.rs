@@ -19,8 +19,7 @@ impl JointRecord {
         if intervals.len() < SHOWN || irregular as f64 > IRREGULAR * intervals.len() as f64 {
             return Vec::new();
         }
-        let is_on = |time: f64| self.enabled.held_at(time).is_none_or(|on| *on > 0.0);
-        let lost = |&(from, to): &(f64, f64)| to - from > gap && is_on(from) && !self.stays(from, to);
+        let lost = |&(from, to): &(f64, f64)| to - from > gap && self.is_on(from) && !self.stays(from, to);
         let pairs = self.command.time.windows(2).map(|pair| (pair[0], pair[1]));
         pairs.filter(lost).collect()
     }

@@ -124,6 +124,13 @@ pub struct JointRecord {
     pub missing: usize,
 }
 
+impl JointRecord {
+    /// Whether the motor is on at `time`, s.
+    pub fn is_on(&self, time: f64) -> bool {
+        self.enabled.held_at(time).is_none_or(|on| *on > 0.0)
+    }
+}
+
 /// Readings of an inertial measurement unit, in its own frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImuRecord {
