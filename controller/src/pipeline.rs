@@ -90,7 +90,8 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// Whether every list is as long as in `own`, which was made for the same specification: what was read from a file may be another's.
+    /// Whether every list is as long as in `own`, which was made for the same specification, and joints and targets are somewhere: what was
+    /// read from a file may be another's.
     pub fn has_shape_of(&self, own: &Self) -> bool {
         let lengths = |pipeline: &Self| {
             let channels = pipeline.filter.as_ref().map(Filter::channels);
@@ -101,7 +102,8 @@ impl Pipeline {
             ];
             (lists, channels)
         };
-        lengths(self) == lengths(own)
+        let mut places = self.measured.iter().chain(&self.previous_target);
+        lengths(self) == lengths(own) && places.all(|place| place.is_finite())
     }
 
     /// A loop for `spec`, reset to clock phase 0.

@@ -86,7 +86,10 @@ impl Actuators {
         let Some(model) = Model::new(joint, inertia, dt, own) else {
             return;
         };
-        self.per_speed[k] /= model.supply();
+        // Without a supply there is no torque at any speed.
+        if model.supply() > 0.0 {
+            self.per_speed[k] /= model.supply();
+        }
         self.places[k] = Some(self.effects.len() as u32);
         self.effects.push(JointEffects {
             k,

@@ -44,7 +44,7 @@ pub enum Hold {
 pub fn stand(robot: &Arc<Robot>, config: &EnvConfig, hold: Hold, seconds: f64) -> Result<Standing, EnvError> {
     let mut rig = Rig::new(robot, config, 1)?;
     let start = rig.nominal_start();
-    rig.engine.reset(0, &start, &rig.shared.nominal);
+    rig.start(0, &start);
     let (steps, substeps) = (
         (seconds * f64::from(config.engine.control_hz)) as u32,
         config.substeps(),
@@ -107,8 +107,8 @@ pub fn mirror_difference(robot: &Arc<Robot>, config: &EnvConfig, seconds: f64) -
         mirrored.joints[to] = source.sign * start.joints[from];
         mirrored.joint_velocities[to] = source.sign * start.joint_velocities[from];
     }
-    rig.engine.reset(0, &start, &rig.shared.nominal);
-    rig.engine.reset(1, &mirrored, &rig.shared.nominal);
+    rig.start(0, &start);
+    rig.start(1, &mirrored);
     let mut largest = 0.0_f64;
     for _ in 0..(seconds * f64::from(config.engine.physics_hz)) as u32 {
         rig.step();
@@ -156,8 +156,17 @@ impl Rig {
         Start::nominal(&self.shared.robot)
     }
 
+    fn start(&mut self, world: usize, start: &Start) {
+        self.engine.reset(world, start, &self.shared.nominal);
+        for d in 0..self.shared.robot.dofs.len() {
+            let state = (start.joints[d], start.joint_velocities[d]);
+            self.actuators.start(d, world, state, self.shared.robot.dof(d).nominal);
+        }
+    }
+
     fn step(&mut self) {
         self.engine.step(self.actuators.drive(self.engine.joints()));
+        self.actuators.sense(self.engine.joints());
     }
 
     fn hold_measured(&mut self) {

@@ -182,6 +182,16 @@ fn a_mimic_cycle_is_refused() {
 }
 
 #[test]
+fn a_follower_whose_limits_leave_its_leader_nowhere_is_refused() {
+    let urdf = "<robot name=\"apart\"><link name=\"base\"/>\n\
+        <joint name=\"leader\" type=\"revolute\"><parent link=\"base\"/><child link=\"one\"/><axis xyz=\"0 1 0\"/><limit lower=\"0\" upper=\"2\" effort=\"1\" velocity=\"1\"/></joint>\n\
+        <link name=\"one\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>\n\
+        <joint name=\"follower\" type=\"revolute\"><parent link=\"one\"/><child link=\"two\"/><axis xyz=\"0 1 0\"/><mimic joint=\"leader\" multiplier=\"-1\"/><limit lower=\"0.1\" upper=\"2\" effort=\"1\" velocity=\"1\"/></joint>\n\
+        <link name=\"two\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link></robot>";
+    refused(urdf, None, 2, "no position");
+}
+
+#[test]
 fn a_policy_joint_without_limits_is_refused() {
     let limits = "<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/>";
     let urdf = URDF

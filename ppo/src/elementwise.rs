@@ -82,8 +82,9 @@ impl Kernel for Forward<'_> {
         match self.activation {
             None => self.each(|x| x),
             Some(Activation::Tanh) => self.each(|x| tanh::<S>(x)),
-            Some(Activation::Relu) => self.each(|x| x.max(0.0)),
-            Some(Activation::Elu) => self.each(|x| if x > 0.0 { x } else { exp::<S>(x.min(0.0)) - 1.0 }),
+            // What is not a number stays so.
+            Some(Activation::Relu) => self.each(|x| if x < 0.0 { 0.0 } else { x }),
+            Some(Activation::Elu) => self.each(|x| if x < 0.0 { exp::<S>(x.min(0.0)) - 1.0 } else { x }),
         }
     }
 }
@@ -164,7 +165,9 @@ mod tests {
     }
 
     #[test]
-    fn nan_is_not_hidden_by_the_clamp() {
-        assert!(apply(Activation::Tanh, f32::NAN).is_nan());
+    fn nan_is_not_hidden() {
+        for activation in [Activation::Tanh, Activation::Relu, Activation::Elu] {
+            assert!(apply(activation, f32::NAN).is_nan(), "{activation:?}");
+        }
     }
 }

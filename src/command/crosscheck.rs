@@ -135,7 +135,10 @@ pub fn run(args: &Args) -> miette::Result<bool> {
             "the cross-check walks on a level plane, which is the ground that MuJoCo's model has"
         ));
     }
-    args.json.as_deref().map_or(Ok(()), can_write)?;
+    let outputs: Vec<&Path> = args.json.iter().map(PathBuf::as_path).collect();
+    let inputs = [&args.run].into_iter().chain(&args.robot);
+    load::writable(&outputs, &inputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
+    outputs.iter().try_for_each(|file| can_write(file))?;
     let python = Python::open(args.python.as_deref(), args.venv.as_deref())?;
     let out = out_folder(args)?;
     let mut result = json!({

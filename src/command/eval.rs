@@ -4,20 +4,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, WrapErr, miette};
-use omniwalk_controller::{Controller, Misfit};
+use omniwalk_controller::{Controller, Misfit, Spec};
+use omniwalk_env::EnvConfig;
 use omniwalk_env::engine::Configured;
 use omniwalk_env::robot::Robot;
 use omniwalk_env::task::shared::spec;
-use omniwalk_env::{Batch, EnvConfig};
 use omniwalk_ppo::Inference;
 use serde_json::{Value, json};
 
 use super::load;
 use crate::config::Layers;
 use crate::deployed::{Deployed, layers};
+use crate::eval::firsts::{Rollouts, first_episodes};
 use crate::eval::forward::{Forward, Watch, nominal, play};
 use crate::eval::player::Player;
-use crate::eval::rollout::Recorder;
 use crate::eval::suites::{ALL, CONDITIONS, Plan, Results, Suite};
 use crate::eval::table;
 use crate::eval::trial::Stage;
@@ -27,7 +27,6 @@ use crate::run::{RunFolder, create_folder, write_atomic};
 use crate::settings::{DEFAULT, Settings};
 use crate::terminal::say;
 use crate::train::{checkpoint, shape};
-use omniwalk_sim2real::log::LogError;
 
 /// Plays a policy's mode and measures how it walks.
 ///
@@ -101,6 +100,9 @@ const EPISODES: usize = 10;
 /// # Errors
 /// Whatever is wrong with the run or the arguments.
 pub fn run(args: &Args) -> miette::Result<()> {
+    let outputs: Vec<&Path> = args.json.iter().map(PathBuf::as_path).collect();
+    let inputs = [&args.run].into_iter().chain(&args.robot);
+    load::writable(&outputs, &inputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
     let mut loaded = Loaded::open(args)?;
     args.json.as_deref().map_or(Ok(()), can_write)?;
     loaded.can_save()?;
@@ -194,6 +196,15 @@ impl Loaded {
         let latest = load::latest(&run)?;
         let layout = spec(&robot, &settings.env);
         let (trained, _) = load::settings(Some(&args.run.join("config.toml")), &[])?;
+        if let Some(other) = &args.robot {
+            same_pose(&spec(&*load::robot(&run.robot())?, &trained.env), &layout).wrap_err_with(|| {
+                format!(
+                    "{} is not the robot that {} was trained for",
+                    other.display(),
+                    args.run.display()
+                )
+            })?;
+        }
         spec(&robot, &trained.env).check_robot(&layout).map_err(|misfit| {
             miette::miette!(
                 help = "what the policy sees and how it acts stay as they were trained; conditions can be changed: noise, latency, friction, randomise, push, engine.kind, engine.physics_hz",
@@ -352,54 +363,19 @@ fn changes(args: &Args) -> Vec<String> {
     changes
 }
 
-/// The first episode of each command, as logs: file name and environment.
-fn first_episodes(suite: &Forward) -> Vec<(String, usize)> {
-    let name = |[x, y, turn]: [f64; 3]| format!("eval_{x:.2}_{y:.2}_{turn:.2}.mcap");
-    let commands = suite.commands.iter().enumerate();
-    commands
-        .map(|(i, &command)| (name(command), i * suite.episodes))
-        .collect()
-}
-
-/// Logs of the first episodes of some environments.
-struct Rollouts {
-    folder: PathBuf,
-    logs: Vec<(String, usize)>,
-    recorders: Vec<Recorder>,
-}
-
-impl Rollouts {
-    fn new(folder: PathBuf, logs: Vec<(String, usize)>) -> Self {
-        Self {
-            folder,
-            logs,
-            recorders: Vec::new(),
-        }
-    }
-
-    fn finish(self) -> Result<Vec<PathBuf>, LogError> {
-        self.recorders.into_iter().map(Recorder::finish).collect()
-    }
-}
-
-impl Watch for Rollouts {
-    /// Only now is anything written: robot, configuration and engine fit together.
-    fn start(&mut self, batch: &Batch) -> miette::Result<()> {
-        make(&self.folder)?;
-        let shared = batch.shared();
-        for (name, environment) in &self.logs {
-            let path = self.folder.join(name);
-            let mut recorder = Recorder::create(&path, *environment, &shared.robot, shared.config.control_dt())?;
-            recorder.state(batch)?;
-            self.recorders.push(recorder);
-        }
-        Ok(())
-    }
-
-    fn step(&mut self, batch: &Batch, observations: &[f32], actions: &[f32]) -> miette::Result<()> {
-        self.recorders
-            .iter_mut()
-            .try_for_each(|recorder| Ok(recorder.step(batch, observations, actions)?))
+/// Whether `other`'s joints are in the order of the policy's `own`, and stand as they do: gains, limits and masses may be others.
+fn same_pose(own: &Spec, other: &Spec) -> miette::Result<()> {
+    let names: Vec<&str> = other.joints.iter().map(|joint| joint.name.as_str()).collect();
+    own.check_order(&names).into_diagnostic()?;
+    let mut joints = own.joints.iter().zip(&other.joints);
+    match joints.find(|(a, b)| (a.nominal - b.nominal).abs() > 1e-5) {
+        Some((a, b)) => Err(miette!(
+            "joint `{}`: nominal is {} in the policy and {} in the robot",
+            a.name,
+            a.nominal,
+            b.nominal
+        )),
+        None => Ok(()),
     }
 }
 

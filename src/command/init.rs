@@ -48,7 +48,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
     write(&draft, &args.urdf, &folder)
         .inspect_err(|_| {
             // Half of it would be in the way of the next attempt.
-            let _ = std::fs::remove_dir_all(&folder);
+            let _ = std::fs::remove_dir_all(unfinished(&folder));
         })
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot write {}", folder.display()))?;
@@ -66,14 +66,23 @@ pub fn run(args: &Args) -> miette::Result<()> {
     Ok(())
 }
 
+/// Where `folder` is written until it is whole.
+fn unfinished(folder: &Path) -> PathBuf {
+    let mut name = folder.as_os_str().to_owned();
+    name.push(".unfinished");
+    name.into()
+}
+
 fn write(draft: &Draft, urdf: &Path, folder: &Path) -> std::io::Result<()> {
     let urdf_name = urdf.file_name().unwrap_or("robot.urdf".as_ref());
     let text = std::fs::read(urdf)?;
-    create_folder(folder)?;
-    write_atomic(&folder.join(urdf_name), &text)?;
-    write_atomic(&folder.join("robot.toml"), draft.settings.as_bytes())?;
-    match &draft.training {
-        Some(training) => write_atomic(&folder.join("train.toml"), training.as_bytes()),
-        None => Ok(()),
+    // A folder with half of it would be a robot, another one.
+    let unfinished = unfinished(folder);
+    create_folder(&unfinished)?;
+    write_atomic(&unfinished.join(urdf_name), &text)?;
+    write_atomic(&unfinished.join("robot.toml"), draft.settings.as_bytes())?;
+    if let Some(training) = &draft.training {
+        write_atomic(&unfinished.join("train.toml"), training.as_bytes())?;
     }
+    std::fs::rename(unfinished, folder)
 }

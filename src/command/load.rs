@@ -1,5 +1,6 @@
 //! What several commands begin with: settings from layers, the robot of a configuration or of a run.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -182,11 +183,14 @@ pub fn copy_robot(path: &Path, folder: &Path) -> miette::Result<()> {
     create_folder(folder)
         .into_diagnostic()
         .wrap_err_with(|| format!("cannot create {}", folder.display()))?;
-    for file in robot_files(path)? {
-        let name = file
-            .file_name()
-            .ok_or_else(|| miette!("{} has no file name", file.display()))?;
-        fs::read(&file)
+    let (urdf, toml) = robot::files(path)?;
+    let name = urdf
+        .file_name()
+        .ok_or_else(|| miette!("{} has no file name", urdf.display()))?;
+    // In another folder a TOML that is called like its own would not be found.
+    let toml = toml.as_deref().map(|toml| (toml, OsStr::new("robot.toml")));
+    for (file, name) in [(urdf.as_path(), name)].into_iter().chain(toml) {
+        fs::read(file)
             .and_then(|bytes| write_atomic(&folder.join(name), &bytes))
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot copy {} to {}", file.display(), folder.display()))?;
@@ -198,19 +202,23 @@ fn is_robot_file(file: &Path) -> bool {
     matches!(file.extension().and_then(|e| e.to_str()), Some("urdf" | "toml"))
 }
 
-fn robot_files(path: &Path) -> miette::Result<Vec<PathBuf>> {
-    if path.is_file() {
-        let tomls = [path.with_extension("toml"), path.with_file_name("robot.toml")];
-        let toml = tomls.into_iter().find(|file| file.is_file());
-        return Ok([path.to_owned()].into_iter().chain(toml).collect());
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_toml_that_is_called_like_its_folder_goes_with_the_run() {
+        const URDF: &str = r#"<robot name="rig"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"#;
+        let folder = tempfile::tempdir().unwrap();
+        let [from, to] = ["rig", "run/robot"].map(|name| folder.path().join(name));
+        fs::create_dir(&from).unwrap();
+        fs::write(from.join("model.urdf"), URDF).unwrap();
+        let toml = "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\nkp = 7.0\n";
+        fs::write(from.join("rig.toml"), toml).unwrap();
+        copy_robot(&from, &to).unwrap();
+        let kp = |path: &Path| robot(path).unwrap().joints[0].actuator.unwrap().kp;
+        assert_eq!((kp(&from), kp(&to)), (7.0, 7.0));
     }
-    let entries = fs::read_dir(path)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot read {}", path.display()))?;
-    let mut files: Vec<PathBuf> = entries
-        .filter_map(|entry| entry.ok().map(|entry| entry.path()))
-        .filter(|file| is_robot_file(file))
-        .collect();
-    files.sort();
-    Ok(files)
 }

@@ -89,7 +89,9 @@ pub fn run(args: &Args) -> miette::Result<()> {
         .log
         .clone()
         .unwrap_or_else(|| args.policy.with_extension("rehearsal.mcap"));
-    args.json.iter().chain([&log]).try_for_each(|file| can_write(file))?;
+    let outputs: Vec<&Path> = args.json.iter().chain([&log]).map(PathBuf::as_path).collect();
+    load::writable(&outputs, &[&args.policy])?;
+    outputs.iter().try_for_each(|file| can_write(file))?;
     let (mut controller, line) = Process::start(&args.policy)?;
     let robot = Simulated::new(&deployed, desired, args.seed, line, &log)?;
     say(format_args!(

@@ -6,6 +6,7 @@
 
 pub mod changes;
 pub mod falls;
+pub mod firsts;
 pub mod forward;
 pub mod hold;
 pub mod meter;

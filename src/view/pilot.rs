@@ -1,5 +1,6 @@
 //! The thread that lives with the robot: real time, orders, frames, recordings.
 
+use std::fs::rename;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -58,6 +59,8 @@ struct Now {
 
 struct Recording {
     writer: LogWriter,
+    /// Where it is until it is whole.
+    draft: PathBuf,
     path: PathBuf,
     /// Simulated time at its beginning, ns.
     began: u64,
@@ -157,8 +160,9 @@ impl Pilot {
         let path = names
             .find(|path| !path.exists())
             .ok_or_else(|| format!("{} is full of recordings", self.folder.display()))?;
+        let draft = path.with_extension("mcap.unfinished");
         let begin = || -> Result<LogWriter, LogError> {
-            let mut writer = LogWriter::create(&path)?;
+            let mut writer = LogWriter::create(&draft)?;
             writer.metadata("drive", [("program".to_owned(), "omniwalk view".to_owned())].into())?;
             writer.write(0, &self.drive.description())?;
             Ok(writer)
@@ -167,15 +171,18 @@ impl Pilot {
             writer: begin().map_err(|error| error.to_string())?,
             // The next step begins now.
             began: self.drive.now(),
+            draft,
             path,
         })
     }
 
     fn end_recording(&self, now: &mut Now) {
         let Some(recording) = now.recording.take() else { return };
-        match recording.writer.finish() {
+        let whole = recording.writer.finish().map_err(|error| error.to_string());
+        let named = whole.and_then(|()| rename(&recording.draft, &recording.path).map_err(|error| error.to_string()));
+        match named {
             Ok(()) => self.clips.add(recording.path),
-            Err(error) => now.trouble = Some(error.to_string()),
+            Err(error) => now.trouble = Some(error),
         }
     }
 }

@@ -195,6 +195,18 @@ fn build(urdf: &Urdf, settings: &Settings, source: &Source) -> Result<Robot, Rob
         let message = format!("the floating base link `{}` has no mass", robot.links[0].name);
         return Err(urdf.link_error(root, message, "give it an <inertial>, or set base = \"fixed\""));
     }
+    for d in 0..robot.dofs.len() {
+        let (lower, upper) = robot.limits(d);
+        if lower > upper {
+            let name = &robot.dof(d).name;
+            let message = format!("joint `{name}` has no position that is within the limits of all that follow it too");
+            return Err(urdf.joint_error(
+                tree.joints[robot.dofs[d]].urdf,
+                message,
+                "mend the limits, the multiplier or the offset",
+            ));
+        }
+    }
     effects::add(&mut robot, settings, source)?;
     ranges::add(&mut robot, settings, source)?;
     if let Some(words) = &settings.mirror {

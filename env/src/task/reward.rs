@@ -9,7 +9,7 @@ use crate::config::RewardConfig;
 /// Names of the terms in the order of [`Terms::array`].
 pub const TERM_NAMES: [&str; 7] = ["velocity", "pose", "alive", "foot", "action_rate", "slip", "tap"];
 
-/// One step's reward by term, each with its weight, curriculum factor and duration of the step.
+/// One step's reward by term, each with its weight and curriculum factor, and all but `tap` with the duration of the step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
     /// Velocity tracking (equation 7.9).
@@ -151,7 +151,7 @@ pub struct Judged<'a> {
     pub foot_error: Option<f64>,
     /// Mean square of the change of the targets between steps, in half ranges of the action.
     pub action_change: f64,
-    /// Sum of the squared horizontal speeds of loaded soles, (m/s)^2.
+    /// Sum of the squared horizontal speeds of soles that touch the ground, (m/s)^2.
     pub slip: f64,
     /// Touchdowns of feet that had been the last to touch down, too.
     pub taps: u32,

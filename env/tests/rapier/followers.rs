@@ -68,3 +68,31 @@ fn a_follower_stops_at_its_own_limits_although_its_leader_has_none() {
         }
     }
 }
+
+#[test]
+fn viscous_friction_of_a_follower_slows_its_leader_in_both_engines() {
+    for multiplier in [-1.0, 0.5, -2.0] {
+        let ends = |damping: f64| {
+            let mut robot = coupled(multiplier, 0.0);
+            robot.joints[1].passive.damping = damping;
+            let world = nominal(&robot);
+            let mut start = Start::nominal(&robot);
+            start.joint_velocities[0] = 2.0;
+            let mut lanes = Lanes::new(&robot, 1e-3, 1, Simd::ALL[0]).expect("available");
+            lanes.reset(0, &start, &world);
+            let mut rapier = single(&robot, 1e-3, &start, &world);
+            let coast = |engine: &mut dyn Engine| {
+                (0..200).for_each(|_| engine.step(&Drive::idle(1, 1)));
+                engine.joints().position[0]
+            };
+            [coast(&mut lanes), coast(&mut rapier)]
+        };
+        let ([free, _], [lanes, rapier]) = (ends(0.0), ends(0.1));
+        let slowed = free - lanes;
+        assert!(slowed.abs() > 1e-3, "{free} {lanes}");
+        assert!(
+            (rapier - lanes).abs() < 0.05 * slowed.abs(),
+            "{rapier} for {lanes}, {free} without"
+        );
+    }
+}

@@ -109,9 +109,11 @@ impl Lane {
         self.place(scene, start, &offset);
         let inertias = inertia::effective(scene, &self.state);
         for (d, freedom) in scene.freedoms.iter().enumerate() {
+            let own = freedom.coordinates.iter();
+            let viscous = own.map(|c| c.multiplier * c.multiplier * model.joints[c.joint].damping);
             self.memory[d] = Memory {
                 inertia: inertias.freedoms[d],
-                viscous: model.joints[freedom.coordinates[0].joint].damping,
+                viscous: viscous.sum(),
                 load: 0.0,
             };
             self.joints[d].torque = 0.0;
@@ -161,7 +163,7 @@ impl Lane {
         }
     }
 
-    /// Armature of every coordinate and viscous friction of every mimic joint. What a degree of freedom has is
+    /// Armature of every coordinate. What a degree of freedom has is
     /// shared among the coordinates that move with it: the sum is the same as long as they do move together,
     /// while each of them alone is stiffer and heavier, which the solver's sweeps need.
     fn set_passive(&mut self, scene: &Scene, model: &World) {

@@ -13,8 +13,8 @@
 //!   Those of a mimic joint are kept by the joint that it follows.
 //! - A link without mass gets 1e-6 kg and 1e-8 kg m^2, because rapier stores inverses.
 //!
-//! A world [is finite](Engine::is_finite) while its base is within 1e4 m, moves below 1e3 m/s and turns below 1e4 rad/s, and its
-//! joints are within 1e4 rad or m and move below 1e4 rad/s or m/s. Beyond, it stands still until it is reset.
+//! A world [is finite](Engine::is_finite) while every position is finite and nothing moves or turns faster than 1e4 m/s or rad/s. Beyond, it
+//! stands still until it is reset.
 
 mod contact;
 mod convert;
