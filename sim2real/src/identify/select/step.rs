@@ -17,6 +17,9 @@ const FINISHED: usize = 6;
 /// A candidate that leaves so many times the loss of the best one of rough data is not looked at further.
 const BEHIND: f64 = 2.0;
 
+/// Candidates that may turn out to be no better, once fitted as a whole, before a step ends: each of these fits is dear.
+const REFUSED: usize = 3;
+
 /// How an attempt begins.
 type Begin = fn(&Robot, &Data, &Model, &Candidate, &Scales) -> Attempt;
 
@@ -86,22 +89,8 @@ impl Selector<'_> {
             note(&mut steps.rejected, candidate, gain, None);
         }
         // Those that were not fitted were tried as well: what was fitted is the best of all of them.
-        let next = loop {
-            let chosen = match stage {
-                Stage::Readings => self.best(&now, &tried.judged, count),
-                Stage::All => self.choose(&now, &tried, count),
-            };
-            let Some(chosen) = chosen else {
-                return false;
-            };
-            let whole = self.fit_near(&chosen.fit.model);
-            // The numbers of other joints were held as they fit all logs, and those of the model before were not.
-            if !chosen.fit.model.is_held() || self.is_better(&now, &whole, count) {
-                break whole;
-            }
-            if !tried.leave(&chosen) {
-                return false;
-            }
+        let Some(next) = self.take(&now, &mut tried, stage, count) else {
+            return false;
         };
         let new = next.fit.model.terms.iter().map(|term| (term.kind, term.target));
         steps.counts.extend(
@@ -113,6 +102,23 @@ impl Selector<'_> {
         self.drop_needless(steps);
         self.refine(steps);
         true
+    }
+
+    /// The best of `tried`, fitted as a whole, that is worth it and significant among `count` so too: while they were tried, the numbers of other
+    /// joints were held as they fit all logs, and those of the model before were not.
+    fn take(&self, now: &Judged, tried: &mut Tried, stage: Stage, count: usize) -> Option<Judged> {
+        for _ in 0..REFUSED {
+            let chosen = match stage {
+                Stage::Readings => self.best(now, &tried.judged, count),
+                Stage::All => self.choose(now, tried, count),
+            }?;
+            let whole = self.fit_near(&chosen.fit.model);
+            if !chosen.fit.model.is_held() || self.is_better(now, &whole, count) {
+                return Some(whole);
+            }
+            tried.leave(&chosen).then_some(())?;
+        }
+        None
     }
 
     /// Refines the effects that were taken as far as that helps. A refinement names nothing new: it is corrected for the
