@@ -215,7 +215,8 @@ mod tests {
         let [from, to] = ["rig", "run/robot"].map(|name| folder.path().join(name));
         fs::create_dir(&from).unwrap();
         fs::write(from.join("model.urdf"), URDF).unwrap();
-        let toml = "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\nkp = 7.0\ntorque_limit = 1.0\nspeed_limit = 5.0\n";
+        let toml =
+            "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\nkp = 7.0\ntorque_limit = 1.0\nspeed_limit = 5.0\n";
         fs::write(from.join("rig.toml"), toml).unwrap();
         copy_robot(&from, &to).unwrap();
         let kp = |path: &Path| robot(path).unwrap().joints[0].actuator.unwrap().kp;
