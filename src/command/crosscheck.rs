@@ -137,8 +137,8 @@ pub fn run(args: &Args) -> miette::Result<bool> {
     }
     let outputs: Vec<&Path> = args.json.iter().map(PathBuf::as_path).collect();
     let inputs = [&args.run].into_iter().chain(&args.robot);
-    load::writable(&outputs, &inputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
     outputs.iter().try_for_each(|file| can_write(file))?;
+    load::writable(&outputs, &inputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
     let python = Python::open(args.python.as_deref(), args.venv.as_deref())?;
     let out = out_folder(args)?;
     let mut result = json!({

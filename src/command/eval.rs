@@ -102,9 +102,9 @@ const EPISODES: usize = 10;
 pub fn run(args: &Args) -> miette::Result<()> {
     let outputs: Vec<&Path> = args.json.iter().map(PathBuf::as_path).collect();
     let inputs = [&args.run].into_iter().chain(&args.robot);
+    outputs.iter().try_for_each(|file| can_write(file))?;
     load::writable(&outputs, &inputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
     let mut loaded = Loaded::open(args)?;
-    args.json.as_deref().map_or(Ok(()), can_write)?;
     loaded.can_save()?;
     let suites: Vec<Suite> = ALL
         .into_iter()

@@ -90,8 +90,8 @@ pub fn run(args: &Args) -> miette::Result<()> {
         .clone()
         .unwrap_or_else(|| args.policy.with_extension("rehearsal.mcap"));
     let outputs: Vec<&Path> = args.json.iter().chain([&log]).map(PathBuf::as_path).collect();
-    load::writable(&outputs, &[&args.policy])?;
     outputs.iter().try_for_each(|file| can_write(file))?;
+    load::writable(&outputs, &[&args.policy])?;
     let (mut controller, line) = Process::start(&args.policy)?;
     let robot = Simulated::new(&deployed, desired, args.seed, line, &log)?;
     say(format_args!(

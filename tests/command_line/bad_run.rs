@@ -206,7 +206,11 @@ fn weights_that_do_not_fit() {
 #[test]
 fn an_evaluation_that_does_not_fit() {
     let pendulum = robot("pendulum").display().to_string();
-    refuses_run(|_| (), &["eval", "run", "--robot", &pendulum], &["does not fit"]);
+    refuses_run(
+        |_| (),
+        &["eval", "run", "--robot", &pendulum],
+        &["is not the robot that run was trained for"],
+    );
     refuses_run(
         |_| (),
         &["eval", "run", "--episodes", "0"],
