@@ -107,7 +107,9 @@ impl Selector<'_> {
     /// The best of `tried`, fitted as a whole, that is worth it and significant among `count` so too: while they were tried, the numbers of other
     /// joints were held as they fit all logs, and those of the model before were not.
     fn take(&self, now: &Judged, tried: &mut Tried, stage: Stage, count: usize) -> Option<Judged> {
-        for _ in 0..REFUSED {
+        // A robot that walks freely is fitted as a whole, which is dearer yet.
+        let most = if self.data.is_free() { 1 } else { REFUSED };
+        for _ in 0..most {
             let chosen = match stage {
                 Stage::Readings => self.best(now, &tried.judged, count),
                 Stage::All => self.choose(now, tried, count),
