@@ -78,6 +78,10 @@ fn write(draft: &Draft, urdf: &Path, folder: &Path) -> std::io::Result<()> {
     let text = std::fs::read(urdf)?;
     // A folder with half of it would be a robot, another one.
     let unfinished = unfinished(folder);
+    // Of an attempt that was killed, with another URDF perhaps.
+    if unfinished.is_dir() {
+        std::fs::remove_dir_all(&unfinished)?;
+    }
     create_folder(&unfinished)?;
     write_atomic(&unfinished.join(urdf_name), &text)?;
     write_atomic(&unfinished.join("robot.toml"), draft.settings.as_bytes())?;
