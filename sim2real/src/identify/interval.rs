@@ -6,9 +6,10 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::cross::{Folds, student_tail};
+use super::cross::Folds;
 use super::descent::sum;
 use super::fit::Fit;
+use super::gain::student_tail;
 use super::leftover::squares;
 use super::select::Selector;
 

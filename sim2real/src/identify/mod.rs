@@ -24,6 +24,7 @@ mod descent;
 mod fit;
 mod floor;
 mod found;
+mod gain;
 mod grid;
 mod heldout;
 #[cfg(test)]

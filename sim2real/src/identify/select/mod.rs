@@ -22,9 +22,10 @@ use omniwalk_env::effect::{Kind, Site};
 use omniwalk_env::robot::Robot;
 
 use super::candidates::{self, Candidate};
-use super::cross::{Folds, Gain};
+use super::cross::Folds;
 use super::fit::{Data, Fit, Loss, total};
 use super::floor::Floor;
+use super::gain::Gain;
 use super::leftover::{self, TOO_COARSE};
 use super::model::{Model, Term};
 use super::scales::Scales;

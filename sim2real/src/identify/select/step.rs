@@ -5,8 +5,8 @@ use omniwalk_env::robot::Robot;
 use rayon::prelude::*;
 
 use super::super::candidates::{self, Attempt, Candidate};
-use super::super::cross::Gain;
 use super::super::fit::{Data, total};
+use super::super::gain::Gain;
 use super::super::model::Model;
 use super::super::scales::Scales;
 use super::worth::WORTH;

@@ -5,8 +5,9 @@ use std::ops::Range;
 use omniwalk_env::robot::Robot;
 
 use super::super::contact;
-use super::super::cross::{Gain, block_logs};
+use super::super::cross::block_logs;
 use super::super::fit::{Fit, Loss, total};
+use super::super::gain::Gain;
 use super::super::leftover;
 use super::{Judged, Selector};
 
