@@ -109,7 +109,7 @@ fn whatever_it_stands_on_nothing_is_missing() {
 #[test]
 fn a_delay_is_named_where_the_robot_stands_freely() {
     let truth = walker(Some((Kind::CommandDelay, &[0.02])));
-    let outcome = found(logs(&truth, Ground::Rigid, 3, 0), logs(&truth, Ground::Rigid, 1, 100));
+    let outcome = found(logs(&truth, Ground::Rigid, 2, 0), logs(&truth, Ground::Rigid, 1, 100));
     let named = named(&outcome);
     assert!(
         named.iter().any(|name| name == "command_delay"),
