@@ -45,6 +45,18 @@ fn decode(spec: &Spec, position: &[f32], action: &[f32]) -> Vec<f32> {
 }
 
 #[test]
+fn what_was_read_nowhere_is_no_state_to_go_on_from() {
+    let spec = biped();
+    let own = Pipeline::new(&spec).expect("valid");
+    assert!(own.clone().has_shape_of(&own));
+    for place in [f32::NAN, f32::INFINITY] {
+        let [mut read, mut told] = [own.clone(), own.clone()];
+        (read.measured[0], told.previous_target[3]) = (place, place);
+        assert!(!read.has_shape_of(&own) && !told.has_shape_of(&own), "{place}");
+    }
+}
+
+#[test]
 fn every_block_lands_at_its_place() {
     let spec = biped();
     let mut pipeline = Pipeline::new(&spec).expect("valid");

@@ -64,6 +64,14 @@ fn every_effect_changes_the_motion_and_stays_within_bounds_in_both_engines() {
 }
 
 #[test]
+fn without_a_supply_a_motor_moves_nothing_in_either_engine() {
+    let dead = rig(&[(Kind::SupplyVoltage, &[0.0, 12.0])]);
+    for readings in [lanes(&dead, 1.0, swing), rapier(&dead, 1.0, swing)] {
+        assert!(readings.iter().all(|reading| reading.abs() < 1e-9), "{readings:?}");
+    }
+}
+
+#[test]
 fn a_world_that_breaks_stays_broken_and_panics_nowhere() {
     let table = Table {
         axes: vec![(Variable::Velocity, vec![-1.0, 0.0, 1.0])],

@@ -7,7 +7,7 @@
 
 use std::collections::HashMap;
 use std::fmt::{self, Debug, Write as _};
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::hash::{DefaultHasher, Hasher};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -17,6 +17,9 @@ use std::sync::{Mutex, PoisonError};
 const NUMBER: usize = 8;
 /// Longest file that is read, bytes.
 const LONGEST: u64 = 1 << 30;
+
+/// What is wrong where two write into one folder.
+const BUSY: &str = "another `omniwalk identify` is at work in this folder";
 
 /// A hash of how something is written by [`Debug`], which tells floating-point numbers apart to the last bit.
 #[derive(Default)]
@@ -52,13 +55,17 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal at `path` of what follows from `all`, or begins it.
+    /// Opens the journal at `path` of what follows from `all`, or begins it; nobody else can until it is dropped.
     ///
     /// # Errors
-    /// When the file cannot be read or written.
+    /// When the file cannot be read or written, or another identification has it open.
     pub fn open(path: &Path, all: &dyn Debug) -> io::Result<Self> {
         let mut options = OpenOptions::new();
         let mut file = options.read(true).write(true).create(true).truncate(false).open(path)?;
+        file.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => io::Error::new(io::ErrorKind::ResourceBusy, BUSY),
+            TryLockError::Error(why) => why,
+        })?;
         let mut bytes = Vec::new();
         (&mut file).take(LONGEST).read_to_end(&mut bytes)?;
         let head = (hash(all) ^ program()).to_le_bytes();
@@ -144,6 +151,7 @@ mod tests {
         let journal = Journal::open(&path, &"these logs").expect("a journal");
         let numbers = [vec![], vec![1.5, f64::NAN, -0.0], vec![0.1; 9]];
         numbers.iter().zip(7..).for_each(|(own, key)| journal.keep(key, own));
+        drop(journal);
         let whole = std::fs::read(&path).expect("a file");
         let last = NUMBER * (9 + 3);
         for cut in 0..=last {
@@ -154,6 +162,7 @@ mod tests {
             assert_eq!(bits(journal.known(8).expect("known")), bits(&numbers[1]));
             // What comes after is whole again.
             journal.keep(10, &[4.0]);
+            drop(journal);
             let again = Journal::open(&path, &"these logs").expect("a journal");
             assert_eq!(again.known(10), Some(&[4.0][..]));
         }
@@ -171,6 +180,18 @@ mod tests {
         assert_eq!(Journal::open(&path, &1.0_f64.next_up()).expect("a journal").len(), 0);
         let journal = Journal::open(&path, &1.0).expect("a journal");
         assert_eq!(journal.known(1), None, "the other one took its place");
+    }
+
+    #[test]
+    fn two_cannot_keep_one_journal_at_a_time() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("journal");
+        let first = Journal::open(&path, &1.0).expect("a journal");
+        first.keep(1, &[2.0]);
+        let refused = Journal::open(&path, &1.0).expect_err("a refusal");
+        assert!(refused.to_string().contains("another `omniwalk identify`"), "{refused}");
+        drop(first);
+        assert_eq!(Journal::open(&path, &1.0).expect("a journal").len(), 1);
     }
 
     proptest::proptest! {

@@ -404,6 +404,12 @@ mod tests {
     }
 
     #[test]
+    fn without_moments_there_is_nothing_to_depend_on() {
+        assert!(knots(&[], 0, 5).is_empty());
+        assert!(dependence(&[], &|b| b % 4, 4).is_empty());
+    }
+
+    #[test]
     fn the_variable_that_makes_the_torque_is_found() {
         let found = dependence(&moments(|q, _| (4.0 * q).sin()), &|b| b % 4, 4);
         assert_eq!((found[0].variable, found[0].form), (0, Form::Plain));

@@ -126,16 +126,32 @@ mod tests {
         (0..windows).map(window).collect()
     }
 
+    /// The chain of so many joints.
+    fn chain(joints: usize) -> Robot {
+        let mut urdf = "<robot name=\"chain\"><link name=\"link0\"/>".to_owned();
+        for d in 0..joints {
+            let next = d + 1;
+            urdf += &format!(
+                "<link name=\"link{next}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>
+<joint name=\"joint{d}\" type=\"continuous\"><parent link=\"link{d}\"/><child link=\"link{next}\"/><axis xyz=\"0 1 0\"/></joint>"
+            );
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("chain.urdf"), urdf + "</robot>").expect("written");
+        std::fs::write(folder.path().join("robot.toml"), "base = \"fixed\"\n").expect("written");
+        omniwalk_env::robot::load(folder.path()).expect("a robot")
+    }
+
+    #[test]
+    fn of_a_limb_with_ever_so_many_joints_one_window_is_looked_at() {
+        let robot = chain(61);
+        assert!(most(&robot) < LENGTH);
+        assert_eq!(chosen(&robot, trials(10, &[0; 61])).len(), 1);
+    }
+
     #[test]
     fn every_joint_has_its_share_of_the_windows_in_which_it_moves() {
-        let urdf = r#"<robot name="arm"><link name="base"/><link name="upper"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="lower"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="a" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint>
-<joint name="b" type="continuous"><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/></joint></robot>"#;
-        let folder = tempfile::tempdir().expect("a folder");
-        std::fs::write(folder.path().join("arm.urdf"), urdf).expect("written");
-        std::fs::write(folder.path().join("robot.toml"), "base = \"fixed\"\n").expect("written");
-        let robot = omniwalk_env::robot::load(folder.path()).expect("a robot");
+        let robot = chain(2);
         assert_eq!(most(&robot), 150.0);
         let few = chosen(&robot, trials(20, &[0, 10]));
         assert_eq!(few.len(), 20, "what is short is looked at whole");

@@ -159,6 +159,21 @@ mod tests {
     }
 
     #[test]
+    fn names_are_read_as_they_were_written() {
+        for name in [
+            "hip_yaw",
+            "a \"knee\"",
+            "it's",
+            "back\\slash",
+            "tab\t, bell\u{7}, delete\u{7f}",
+            "Hüfte",
+        ] {
+            let table: toml::Table = toml::from_str(&format!("match = [{}]", quoted(name))).expect("TOML");
+            assert_eq!(table["match"][0].as_str(), Some(name));
+        }
+    }
+
+    #[test]
     fn half_of_what_was_found_is_left_of_whichever_sign_and_from_whatever_does_nothing() {
         let (torque, gain) = (of(Kind::ExternalForce, "torque"), of(Kind::CommandGain, "gain"));
         assert_eq!(drawn(torque, 0.5, 0.125), [0.375, 0.625], "a narrow interval stays");

@@ -56,12 +56,15 @@ fn every_quantity_keeps_its_own_clock() {
         ..BatteryState::default()
     };
     messages.push((300 * MS, Message::Battery(Box::new(battery))));
-    let off = JointState {
-        header: Header::new(400 * MS, ""),
-        position: vec![0.0],
-        ..JointState::default()
-    };
-    messages.push((400 * MS, Message::Enabled(off)));
+    // Above nothing is on.
+    for (time, on) in [(350 * MS, 0.4), (400 * MS, 0.0)] {
+        let enabled = JointState {
+            header: Header::new(time, ""),
+            position: vec![on],
+            ..JointState::default()
+        };
+        messages.push((time, Message::Enabled(enabled)));
+    }
     let recording = record(folder.path(), &messages).unwrap();
     assert_eq!(
         (recording.name.as_str(), recording.groups["gain"].as_str()),
@@ -72,7 +75,10 @@ fn every_quantity_keeps_its_own_clock() {
     assert_eq!((knee.position.len(), knee.command.len()), (50, 25));
     assert!((knee.position.time[49] - 0.49).abs() < 1e-12 && (knee.command.time[0] - 0.001).abs() < 1e-12);
     assert_eq!(knee.velocity, Series::default());
-    assert_eq!((knee.enabled.value.clone(), knee.enabled.time[0]), (vec![0.0], 0.39));
+    assert_eq!(
+        (knee.enabled.value.clone(), knee.enabled.time[1]),
+        (vec![1.0, 0.0], 0.39)
+    );
     assert_eq!(recording.joint("hip").unwrap().position.len(), 50);
     assert_eq!(recording.voltage.held_at(1.0), Some(&12.5));
     assert_eq!(recording.voltage.held_at(0.28), None);
