@@ -64,7 +64,7 @@ def test_names_false_alarms_and_leading_variables_are_counted(judged):
         "outside: and the right leading variable | 1 of 1 (100 %)",
         "95 % intervals that hold the truth | 1 of 1 (100 %)",
         "| backlash | command_delay (1) |",
-        "| sensor_offset | sensor_offset/external_force (1) |",
+        "| sensor_offset | external_force/sensor_offset (1) |",
         "| position_ripple | no_report (1) |",
         "| command_delay | time | 1 | 10.0 % | 1 of 1 (100 %) |",
         "| none (2) | 2.00 | 1.00 | - | 1.00 | 1.00 |",
@@ -73,6 +73,12 @@ def test_names_false_alarms_and_leading_variables_are_counted(judged):
     delay = judged[0]
     assert delay.gap_closed() == pytest.approx((0.041 - 0.005) / 0.040)
     assert math.isnan(judged[3].gap_closed()), "re-tuning left nothing to close"
+
+
+def test_errors_are_of_the_cases_that_have_every_effect_at_once(judged):
+    judged[0].report["all_effects"] = {"heldout": {"rmse": {"overall": 0.006}}}
+    text = summary.tables(judged)
+    assert "| single (1) | 50.00 | 41.00 | 6.00 | 5.00 | 1.00 |" in text and "| none (0) | - | - | - | - | - |" in text, text
 
 
 def test_machines_are_counted_apart_too(judged):
