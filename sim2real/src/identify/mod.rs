@@ -105,7 +105,7 @@ pub enum IdentifyError {
     #[diagnostic(transparent)]
     Recording(#[from] RecordingError),
     /// A file could not be written.
-    #[error("{path}: {source}")]
+    #[error("cannot write {path}")]
     Write {
         /// The file.
         path: String,
