@@ -24,6 +24,7 @@ const HELD: [usize; 2] = [0, 1];
 const AS_GOOD: f64 = 0.01;
 /// A block whose residual is so many times that of most is far off.
 const FAR: f64 = 2.0;
+
 /// Which blocks are left out together.
 #[derive(Clone, Debug)]
 pub struct Folds {
