@@ -128,9 +128,9 @@ impl Selector<'_> {
         model
     }
 
-    /// Takes out the effects of each joint of which much is left (`open`) where they predict no better than a table without them: what no
-    /// library has looks like this and that of it, and a wrong name is worse than none. A table that is a freer form of one of them has to
-    /// predict better.
+    /// Takes out the effects of each joint of which much is left (`open`) where a table predicts better without them: what no library has
+    /// looks like this and that of it, and a wrong name is worse than none. A table that is a freer form of one of them has to predict
+    /// better beyond chance. One that predicts no worse is no reason: effects carry over to motions that a table has not seen.
     pub fn prefer_tables(&self, selection: &mut Selection, open: &dyn Fn(&Selection) -> Vec<usize>) {
         for dof in open(selection) {
             let on_joint = |term: &Term| joint_of(self.robot, term.kind.info().site, term.target) == Some(dof);
@@ -151,11 +151,11 @@ impl Selector<'_> {
                 if terms.iter().any(|term| on_joint(term) && is_curve_of(term, table.over)) {
                     return self.apart(&predicted, &table.cross);
                 }
-                !self.apart(&table.cross, &predicted)
+                total(&table.cross) <= total(&predicted)
             };
             if let Some(table) = table.filter(is_better) {
                 let over = torque::names(&self.data.trials[0], dof).swap_remove(table.over.0);
-                let reason = format!("a measured table over {over} predicts no worse");
+                let reason = format!("a measured table over {over} predicts better");
                 selection.take_out(&on_joint, without, &reason);
             }
         }
