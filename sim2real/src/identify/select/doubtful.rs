@@ -9,7 +9,7 @@ impl Selector<'_> {
     /// Takes out, one by one, the effects of which every size has an interval that holds none, the least certain first: what is wrong with a
     /// model beyond noise can be all there is to them. Sets of which they are one go with them. Whether any was.
     pub fn drop_doubtful(&self, selection: &mut Selection) -> bool {
-        let before = selection.last.model.terms.len();
+        let mut before = selection.last.model.clone();
         while let Some(i) = self.least_certain(selection) {
             let mut model = selection.last.model.clone();
             let Term { kind, target, .. } = model.terms.remove(i);
@@ -21,7 +21,15 @@ impl Selector<'_> {
             }
             selection.take_out(&doubted, without, "its 95 % interval holds no effect at all");
         }
-        selection.last.model.terms.len() < before
+        before
+            .terms
+            .retain(|term| !selection.last.model.has(term.kind, term.target));
+        if before.terms.is_empty() {
+            return false;
+        }
+        before.terms.append(&mut selection.doubted.terms);
+        selection.doubted = before;
+        true
     }
 
     fn least_certain(&self, selection: &Selection) -> Option<usize> {

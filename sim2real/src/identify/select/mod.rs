@@ -9,12 +9,14 @@ mod curve;
 mod doubtful;
 mod fits;
 mod settle;
+mod stand_in;
 mod step;
 mod tables;
 mod together;
 mod untold;
 mod worth;
 
+pub use stand_in::StandIn;
 pub use tables::Tabled;
 pub use worth::is_above;
 
@@ -93,6 +95,8 @@ pub struct Selection {
     pub counts: Vec<Count>,
     /// Largest share of the loss that an effect took in any step.
     pub best: f64,
+    /// Effects that were taken out as doubtful, with what was re-tuned beside them.
+    pub doubted: Model,
 }
 
 impl Selection {
@@ -313,6 +317,7 @@ impl<'a> Selector<'a> {
             tried,
             counts,
             best: most_taken,
+            doubted: Model::default(),
         }
     }
 
