@@ -8,11 +8,19 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
-    *(("rig", seed) for seed in range(700, 772)),
-    *(("leg", seed) for seed in range(700, 732)),
-    *(("walk", seed) for seed in range(700, 708)),
+    *(("rig", seed) for seed in range(800, 872)),
+    *(("leg", seed) for seed in range(800, 832)),
+    *(("walk", seed) for seed in range(800, 808)),
 ]
 """Machine and seed; to be run once, after the procedure is frozen."""
+
+SEVENTH = [
+    *(("rig", seed) for seed in range(700, 772)),
+    *(("leg", seed) for seed in range(700, 713)),
+    *(("walk", seed) for seed in range(700, 708)),
+]
+"""Those of the fixed list of the procedure as it was frozen for the seventh time that were run before measured logs (the XL330's) showed a
+named effect that gave way to a table which predicted less, and legs a load that re-tuning made up for, and the procedure was changed."""
 
 SIXTH = [*(("rig", seed) for seed in range(600, 672)), ("leg", 600), *(("walk", seed) for seed in range(600, 608))]
 """Those of the fixed list of the procedure as it was frozen for the sixth time that were run before a review found stretches that were guarded on
@@ -54,7 +62,10 @@ REHEARSAL = [
 ]
 """What the procedure was worked out on: no measure of it."""
 
-LISTS = {"fixed": FIXED, "sixth": SIXTH, "fifth": FIFTH, "fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL}
+LISTS = {
+    **{"fixed": FIXED, "seventh": SEVENTH, "sixth": SIXTH, "fifth": FIFTH, "fourth": FOURTH},
+    **{"third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL},
+}
 
 
 def ensure(machine: str, seed: int, out: Path, walker: Path = POLICY) -> Path:

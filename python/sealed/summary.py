@@ -14,6 +14,9 @@ from .cases import ensure
 OPEN = 1.5
 """Where re-tuning leaves less than so many times the floor, it explains what is wrong, and there is no gap to close."""
 
+WIDTHS = (0.5, 0.75, 1.0, 1.5, 2.0)
+"""Multiples of an interval's half width within which numbers are counted."""
+
 
 @dataclass
 class Outcome:
@@ -117,8 +120,8 @@ def true_parameters(effect: dict) -> dict[str, float]:
     return values
 
 
-def parameters(outcome: Outcome) -> list[tuple[str, str, float, float, bool | None]]:
-    """Effect, parameter, truth, estimate and whether its interval holds the truth, of what was rightly accepted."""
+def parameters(outcome: Outcome) -> list[tuple[str, str, float, float, float | None]]:
+    """Effect, parameter, truth, estimate and how far apart they are in half widths of its interval, of what was rightly accepted."""
     rows = []
     for effect in outcome.effects:
         for entry in outcome.report.get("accepted", []):
@@ -131,9 +134,9 @@ def parameters(outcome: Outcome) -> list[tuple[str, str, float, float, bool | No
                     key, factor = "actual", 1.0 / estimates.get("nominal", {"value": 1.0})["value"]
                 if key in estimates:
                     interval = estimates[key].get("ci95")
-                    inside = interval and interval[0] * factor <= true <= interval[1] * factor
-                    held = None if interval is None else bool(inside)
-                    rows.append((effect["name"], key, true, estimates[key]["value"] * factor, held))
+                    estimate = estimates[key]["value"] * factor
+                    half = interval and 0.5 * (interval[1] - interval[0]) * factor
+                    rows.append((effect["name"], key, true, estimate, abs(estimate - true) / half if half else None))
     return rows
 
 
@@ -167,7 +170,7 @@ def _figures(outcomes: list[Outcome]) -> list[tuple[str, str, str]]:
     """What is counted, how it is, and what the procedure is to reach."""
     of = lambda *kinds: [outcome for outcome in outcomes if outcome.kind in kinds]
     none, single, pair, outside = of("none"), of("single"), of("pair"), of("outside")
-    held = [row[4] for outcome in outcomes for row in parameters(outcome) if row[4] is not None]
+    held = [row[4] <= 1.0 for outcome in outcomes for row in parameters(outcome) if row[4] is not None]
     led = [outcome for outcome in outside if outcome.verdict == "unexplained" and outcome.led()]
     closed = lambda cases: [share for share in (case.gap_closed() for case in cases) if not math.isnan(share)]
     inside_closed, outside_closed = closed(single + pair), closed(outside)
@@ -201,13 +204,16 @@ def _confusion(outcomes: list[Outcome]) -> str:
 def _parameters(outcomes: list[Outcome]) -> str:
     by_name: dict[tuple[str, str], list] = defaultdict(list)
     for outcome in outcomes:
-        for name, key, true, estimate, held in parameters(outcome):
-            by_name[name, key].append((abs(estimate - true) / abs(true), held))
+        for name, key, true, estimate, distance in parameters(outcome):
+            by_name[name, key].append((abs(estimate - true) / abs(true), distance))
     lines = ["| effect | parameter | cases | median error | intervals that hold the truth |", "|---|---|---|---|---|"]
     for (name, key), rows in sorted(by_name.items()):
-        held = [held for _, held in rows if held is not None]
+        held = [distance <= 1.0 for _, distance in rows if distance is not None]
         error = 100 * median(error for error, _ in rows)
         lines.append(f"| {name} | {key} | {len(rows)} | {error:.1f} % | {_share(sum(held), len(held))} |")
+    distances = [distance for rows in by_name.values() for _, distance in rows if distance is not None]
+    within = [f"{sum(distance <= widths for distance in distances)} within {widths}" for widths in WIDTHS]
+    lines += ["", f"Of {len(distances)} numbers the truth is, in half widths of their intervals, of {', '.join(within)}."]
     return "\n".join(lines) + "\n"
 
 

@@ -27,9 +27,12 @@ impl Candidate {
         (self.kind, self.target, self.variant)
     }
 
-    /// The degree of freedom it is at.
-    fn joint(&self, robot: &Robot) -> Option<usize> {
-        joint_of(robot, self.kind.info().site, self.target)
+    /// The degree of freedom whose numbers are fitted beside it: the one it is at. What a link weighs moves all of a limb, and all of its numbers
+    /// bend to that (`None`); those of a robot on the ground are too many.
+    fn joint(&self, robot: &Robot, data: &Data) -> Option<usize> {
+        let site = self.kind.info().site;
+        let moves_all = site == Site::Link && !data.is_free();
+        (!moves_all).then(|| joint_of(robot, site, self.target)).flatten()
     }
 
     /// The way to the fit of `model` with it, from the values of `model`, begun.
@@ -37,7 +40,7 @@ impl Candidate {
         let with = |term: &Term| {
             let mut model = model.clone();
             model.put(term.clone());
-            model.hold_others(robot, self.joint(robot));
+            model.hold_others(robot, self.joint(robot, data));
             model
         };
         let starts = self.starts.iter().map(with).collect();
@@ -256,7 +259,7 @@ impl Attempt {
     /// taken.
     pub fn begin(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Self {
         let mut straight = model.clone();
-        straight.hold_others(robot, candidate.joint(robot));
+        straight.hold_others(robot, candidate.joint(robot, data));
         straight.straighten();
         let ways = [model, &straight].map(|from| candidate.way(robot, data, from, scales));
         Self { ways: ways.into() }

@@ -2,7 +2,7 @@
 
 use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
 use omniwalk_env::robot::Robot;
-use omniwalk_sim2real::identify::Verdict;
+use omniwalk_sim2real::identify::{Alternative, Verdict};
 use omniwalk_sim2real::recording::Recording;
 
 use super::record::record;
@@ -90,4 +90,32 @@ fn what_one_joint_lacks_is_not_lost_among_the_others_of_its_arm() {
     );
     assert_eq!(outcome.verdict, Verdict::Unexplained);
     assert_eq!(outcome.unexplained.depends_on[0], "position of third");
+}
+
+/// A load in the middle of the arm, most of which other gains make up for; with these logs other links may weigh more instead.
+#[test]
+fn what_an_arm_carries_is_named_and_not_made_up_for_by_its_gains() {
+    let files = (CHAIN, TOML);
+    let nominal = load(files);
+    let middle = nominal
+        .links
+        .iter()
+        .position(|link| link.name == "middle")
+        .expect("a link");
+    let mut truth = nominal.clone();
+    effect::apply(&mut truth, &Effect::new(Kind::Payload, middle, &[0.05, 0.0, 0.0, -0.1]));
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = identify_files(
+        folder.path(),
+        files,
+        &nominal,
+        swings(&truth, 2, 1),
+        Some(swings(&truth, 1, 100)),
+    );
+    let middle = |effect: &Alternative| effect.effect == "payload" && effect.target == "middle";
+    let named = outcome.alternatives.iter().flatten().find(|effect| middle(effect));
+    let mass = named.expect("what it carries").parameters["mass"].value;
+    assert!((mass / 0.05 - 1.0).abs() < 0.1, "{mass}");
+    assert!(outcome.accepted.is_empty() && outcome.verdict == Verdict::Indistinguishable);
+    assert!(outcome.gap_closed.expect("a gap") > 0.8);
 }

@@ -1,5 +1,7 @@
 //! Effects whose size the logs leave open down to none: they predict better, and still are no finding.
 
+use super::super::candidates;
+use super::super::descent::Descent;
 use super::super::fit::total;
 use super::super::interval;
 use super::super::model::Term;
@@ -33,11 +35,18 @@ impl Selector<'_> {
     }
 
     fn least_certain(&self, selection: &Selection) -> Option<usize> {
-        let fit = &selection.last;
-        let halves = interval::intervals(self, fit);
+        // How an effect departs from its simplest form names nothing: towards none of it that says ever less, so that its size, with that left
+        // open, would reach down to none whatever the logs tell (friction that grows with the load's square as well as with the load).
+        let mut model = selection.last.model.clone();
+        for term in &mut model.terms {
+            let finer = candidates::refinements(term.kind).concat();
+            term.free.retain(|number| !finer.contains(number));
+        }
+        let fit = Descent::new(self.data, &model, self.scales).fit;
+        let halves = interval::intervals(self, &fit);
         let halves: Vec<f64> = halves.iter().map(|half| half.most).collect();
-        let doubts = fit.model.terms.iter().enumerate().filter_map(|(i, term)| {
-            let doubt = doubt(term, fit.model.of_term(i, &halves))?;
+        let doubts = model.terms.iter().enumerate().filter_map(|(i, term)| {
+            let doubt = doubt(term, model.of_term(i, &halves))?;
             (doubt > 1.0).then_some((i, doubt))
         });
         doubts.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)

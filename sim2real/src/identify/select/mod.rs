@@ -337,8 +337,8 @@ impl<'a> Selector<'a> {
     }
 
     /// Those of `candidates` that are worth a fit beside `model`, and the others with the share of the loss they would take to first
-    /// order. A single joint's are few: all of them. So are those of the joint that is farthest above its floor: where re-tuning bent to
-    /// make up for an effect, the way to it is uphill.
+    /// order. A single joint's are few: all of them. So are those of the joint that is farthest above its floor, and what links weigh: where
+    /// re-tuning bent to make up for an effect, the way to it is uphill, and of a load it makes up for most, at every joint.
     fn promising(&self, model: &Model, candidates: Vec<Candidate>) -> (Vec<Candidate>, Vec<(Candidate, f64)>) {
         if self.robot.dofs.len() == 1 || candidates.len() <= FITTED {
             return (candidates, Vec::new());
@@ -352,7 +352,8 @@ impl<'a> Selector<'a> {
         order.iter().take(FITTED).for_each(|&i| fitted[i] = true);
         let worst = self.worst(model);
         for (fitted, candidate) in fitted.iter_mut().zip(&candidates) {
-            *fitted |= candidate.kind.info().site == Site::Joint && candidate.target == worst;
+            let is_weight = matches!(candidate.kind, Kind::Mass | Kind::Payload) && !data.is_free();
+            *fitted |= is_weight || candidate.kind.info().site == Site::Joint && candidate.target == worst;
         }
         let (mut kept, mut left) = (Vec::new(), Vec::new());
         for (i, candidate) in candidates.into_iter().enumerate() {
