@@ -21,7 +21,7 @@ from studies.common import OMNIWALK, ROOT
 
 KEPT = (
     *("verdict", "nominal", "refit", "final", "noise_floor", "gap_closed", "accepted", "indistinguishable"),
-    *("unexplained", "tables", "stand_ins", "retuned", "heldout", "folds", "physics_hz"),
+    *("unexplained", "retuned", "heldout", "folds", "physics_hz"),
 )
 """Keys of `report.json` that a result keeps."""
 
@@ -94,7 +94,6 @@ def row(name: str, result: dict) -> str:
         for effect in result["accepted"]
     ]
     named += ["one of " + "/".join(alike) for alike in result["indistinguishable"]]
-    named += [f"({effect['effect']} stands in)" for effect in result.get("stand_ins", [])]
     left = result["unexplained"]["depends_on"] if result["verdict"] == "unexplained" else []
     errors = [number(result[which]["heldout"]["rmse"].get("overall")) for which in ("nominal", "refit", "final")]
     closed = "-" if result["gap_closed"] is None else f"{100 * result['gap_closed']:.0f} %"

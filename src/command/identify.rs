@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, WrapErr, miette};
 use omniwalk_env::robot;
-use omniwalk_sim2real::identify::{self, Outcome, StandIn, Task, Verdict};
+use omniwalk_sim2real::identify::{self, Outcome, Task, Verdict};
 use omniwalk_sim2real::recording::{self, Map, RecordingError};
 
 use super::load;
@@ -212,19 +212,6 @@ fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
     }
     for table in &outcome.tables {
         say(format_args!("  in the robot that was written, {table}"))?;
-    }
-    for StandIn {
-        effect,
-        target,
-        parameters,
-    } in &outcome.stand_ins
-    {
-        say(format_args!(
-            "  in the robot that was written, {effect} of {target} for what is missing, which it predicts best and is not known to be:"
-        ))?;
-        for (name, value) in parameters {
-            say(format_args!("      {name} = {value}"))?;
-        }
     }
     let retuned = || {
         outcome

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use omniwalk_sim2real::check::Check;
-use omniwalk_sim2real::identify::{Alternative, Lacking, Measure, Outcome, Parameter, Replay, StandIn, Trial, Verdict};
+use omniwalk_sim2real::identify::{Alternative, Lacking, Measure, Outcome, Parameter, Replay, Trial, Verdict};
 
 use super::ReportError;
 use super::canvas::{COLOURS, PALE};
@@ -320,20 +320,6 @@ fn left(outcome: &Outcome, out: &mut String) {
             out,
             "<p>In the robot that was written: {}.</p>",
             escaped(&table.to_string())
-        );
-    }
-    for StandIn {
-        effect,
-        target,
-        parameters,
-    } in &outcome.stand_ins
-    {
-        let numbers = parameters.iter().map(|(name, value)| format!("{name} = {value}"));
-        let _ = writeln!(
-            out,
-            "<p>In the robot that was written: {effect} of {} ({}), which predicts best what is missing and is not known to be that.</p>",
-            escaped(target),
-            escaped(&numbers.collect::<Vec<_>>().join(", "))
         );
     }
     *out += "<table><tr><th>joint</th><th>autocorrelation of what is left over 0.1 s</th></tr>\n";

@@ -1,12 +1,12 @@
 //! What was found, of one limb or of all of them together.
 
 use omniwalk_env::effect::{Kind, Site};
-use omniwalk_env::robot::{Limb, Robot};
+use omniwalk_env::robot::Limb;
 
 use super::floor::Floor;
 use super::information::Information;
 use super::leftover::Leftover;
-use super::model::{Model, Term, Tuned, joint_of};
+use super::model::{Model, Term, Tuned};
 use super::select::{Alike, Rejected};
 use super::separate::Separation;
 
@@ -47,18 +47,6 @@ pub struct Found {
 }
 
 impl Found {
-    /// What stands in the robot that is written for what is missing: measured tables, and effects that are no finding.
-    pub fn stand_ins(&self) -> impl Iterator<Item = &Term> {
-        let written = self.left.model.terms.iter();
-        written.filter(|term| !self.last.has(term.kind, term.target))
-    }
-
-    /// Whether one of these is on degree of freedom `dof` of `robot`.
-    pub fn has_stand_in(&self, robot: &Robot, dof: usize) -> bool {
-        let on = |term: &Term| joint_of(robot, term.kind.info().site, term.target);
-        self.stand_ins().any(|term| on(term) == Some(dof))
-    }
-
     /// What was found of every limb of a robot with `dofs` degrees of freedom, as of the whole robot.
     pub fn together(parts: Vec<(Limb, Self)>, dofs: usize) -> Option<Self> {
         let parts = parts.into_iter().map(|(limb, found)| found.of_whole(&limb, dofs));

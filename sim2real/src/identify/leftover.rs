@@ -12,7 +12,7 @@ use super::lacking::Lacking;
 use super::model::{Model, Term, joint_of};
 use super::noise;
 use super::scales::Scales;
-use super::select::{Selection, Selector, StandIn, Tabled, is_above};
+use super::select::{Selection, Selector, Tabled, is_above};
 use super::torque::{self, Dependence, Moment};
 
 /// Starts of a ripple's fit.
@@ -105,7 +105,7 @@ pub struct Leftover {
     pub joints: Vec<Left>,
     /// Autocorrelation of the residual over 0.1 s, by degree of freedom.
     pub autocorrelation: Vec<f64>,
-    /// The last model with what stands in for what is missing: tables, and effects that are no finding.
+    /// The last model with the tables.
     pub model: Model,
 }
 
@@ -257,14 +257,10 @@ pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -
             .flatten();
         if let Some(table) = &table {
             lead(&mut depends_on, table);
+            with.take_joint(dof, &table.model);
         }
         let most = has_effect(dof) && own.share_left() > MOST_LEFT;
         let structured = is_open && (!depends_on.is_empty() || own.is_far() || most);
-        let doubted = structured.then(|| selector.stand_in(&selection.last, dof, &selection.doubted));
-        let best = best_stand_in(doubted.flatten(), table);
-        if let Some(best) = best {
-            with.take_joint(selector.robot, dof, &best);
-        }
         joints.push(Left {
             dof,
             structured,
@@ -289,15 +285,6 @@ pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -
         joints,
         model: with,
     })
-}
-
-/// The model that predicts best: with the `doubted` effects, or a `table`.
-fn best_stand_in(doubted: Option<StandIn>, table: Option<Tabled>) -> Option<Model> {
-    match (doubted, table) {
-        (Some(doubted), Some(table)) if doubted.share > table.share() => Some(doubted.model),
-        (_, Some(table)) => Some(table.model),
-        (doubted, None) => doubted.map(|doubted| doubted.model),
-    }
 }
 
 /// Puts the variable of a `table`, which rollouts tell, among those that predict the torque of moments, by what share each takes.

@@ -63,7 +63,7 @@ mod write;
 pub use information::Information;
 pub use lacking::{Lacking, Predicted};
 pub use measure::{Errors, Measure};
-pub use report::{Accepted, Alternative, MeasuredTable, Outcome, Parameter, Rejected, Sets, StandIn, Verdict};
+pub use report::{Accepted, Alternative, MeasuredTable, Outcome, Parameter, Rejected, Sets, Verdict};
 pub use scales::{JointScale, Scales};
 pub use separate::Separation;
 pub use shown::{Confused, shown};

@@ -292,17 +292,15 @@ impl Model {
         }
     }
 
-    /// Takes over from `other` the re-tuned values of degree of freedom `dof` and the effects on it, or on the link it moves, that this model
-    /// lacks.
-    pub fn take_joint(&mut self, robot: &Robot, dof: usize, other: &Self) {
+    /// Takes over from `other` the re-tuned values of degree of freedom `dof` and the effects on it that this model lacks.
+    pub fn take_joint(&mut self, dof: usize, other: &Self) {
         for (own, tuned) in self.tuned.iter_mut().zip(&other.tuned) {
             if own.dof == dof {
                 own.value = tuned.value;
             }
         }
         let new = other.terms.iter().filter(|term| !self.has(term.kind, term.target));
-        let on_joint = |term: &&Term| joint_of(robot, term.kind.info().site, term.target) == Some(dof);
-        let new: Vec<Term> = new.filter(on_joint).cloned().collect();
+        let new: Vec<Term> = new.filter(|term| term.target == dof).cloned().collect();
         self.terms.extend(new);
     }
 

@@ -13,8 +13,8 @@ use super::measure::{Measure, measure_each};
 use super::model::{Model, Term};
 use super::motion;
 use super::report::{
-    Accepted, Alternative, JointGap, MeasuredTable, NoiseFloor, Outcome, Parameter, Rejected, Sets, StandIn,
-    Unexplained, Verdict,
+    Accepted, Alternative, JointGap, MeasuredTable, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained,
+    Verdict,
 };
 use super::split::Split;
 use super::torque::Dependence;
@@ -93,7 +93,6 @@ pub fn outcome(parts: Parts<'_>, heldout: Heldout) -> Result<Outcome, IdentifyEr
         separation: found.separations.clone(),
         unexplained: unexplained(&parts),
         tables: tables(&parts),
-        stand_ins: stand_ins(&parts),
         retuned: retuned(&parts),
         heldout: [vec![split.note.clone()], left_out].concat().join("; left out: "),
         folds: found.folds.clone(),
@@ -283,17 +282,17 @@ fn alternatives(parts: &Parts<'_>, alike: &super::select::Alike) -> Vec<Alternat
     chosen.into_iter().chain(others).collect()
 }
 
-/// What the nominal model has as it was written: with the effects, or beside what stands in for what is missing.
+/// What the nominal model has as it was written: with the effects, or beside a table.
 fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Parameter>> {
     let mut out: BTreeMap<String, BTreeMap<&'static str, Parameter>> = BTreeMap::new();
     let written = &parts.found.left.model;
     for (tuned, &half) in written.tuned.iter().zip(&parts.found.intervals) {
         let joint = parts.robot.dof(tuned.dof);
-        let beside = parts.found.has_stand_in(parts.robot, tuned.dof);
+        let tabled = written.has(Kind::ResidualTorque, tuned.dof);
         let value = Parameter {
             value: tuned.value,
             unit: tuned.own.scale().unit(joint.kind == JointKind::Prismatic),
-            ci95: interval(tuned.value, half).filter(|_| !beside),
+            ci95: interval(tuned.value, half).filter(|_| !tabled),
         };
         out.entry(joint.name.clone())
             .or_default()
@@ -303,25 +302,13 @@ fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Paramet
 }
 
 fn tables(parts: &Parts<'_>) -> Vec<MeasuredTable> {
-    let tables = parts
-        .found
-        .stand_ins()
-        .filter_map(|term| Some((term, term.table.as_ref()?)));
+    let terms = parts.found.left.model.terms.iter();
+    let tables = terms.filter_map(|term| Some((term, term.table.as_ref()?)));
     let said = tables.map(|(term, table)| MeasuredTable {
         joint: parts.robot.dof(term.target).name.clone(),
         over: table.axes[0].0.name(),
         friction: table.friction,
         points: table.axes[0].1.len(),
-    });
-    said.collect()
-}
-
-fn stand_ins(parts: &Parts<'_>) -> Vec<StandIn> {
-    let effects = parts.found.stand_ins().filter(|term| term.table.is_none());
-    let said = effects.map(|term| StandIn {
-        effect: term.kind.id(),
-        target: target(parts.robot, term.kind, term.target),
-        parameters: named(parts.robot, (term.kind, term.target), &term.values, |_| f64::INFINITY),
     });
     said.collect()
 }

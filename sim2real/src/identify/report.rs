@@ -151,17 +151,6 @@ impl fmt::Display for MeasuredTable {
     }
 }
 
-/// An effect that is no finding and stands in the robot for what no effect explains, where it predicts better than a measured table.
-#[derive(Clone, Debug, Serialize)]
-pub struct StandIn {
-    /// Its id.
-    pub effect: &'static str,
-    /// Joint or link.
-    pub target: String,
-    /// Its numbers by name, without intervals.
-    pub parameters: BTreeMap<&'static str, Parameter>,
-}
-
 /// What is left.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Unexplained {
@@ -218,9 +207,7 @@ pub struct Outcome {
     pub unexplained: Unexplained,
     /// Measured tables in the robot that was written.
     pub tables: Vec<MeasuredTable>,
-    /// Effects there that are no finding.
-    pub stand_ins: Vec<StandIn>,
-    /// Re-tuned parameters of the nominal model as they were written, by joint and key; beside one of those two without intervals.
+    /// Re-tuned parameters of the nominal model as they were written, by joint and key; beside a table without intervals.
     pub retuned: BTreeMap<String, BTreeMap<&'static str, Parameter>>,
     /// Which logs were held out.
     pub heldout: String,
@@ -267,7 +254,6 @@ impl Outcome {
             separation: Vec::new(),
             unexplained: Unexplained::default(),
             tables: Vec::new(),
-            stand_ins: Vec::new(),
             retuned: BTreeMap::new(),
             heldout: String::new(),
             folds: String::new(),

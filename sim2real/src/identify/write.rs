@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use omniwalk_env::effect::{Parameter, Place, Site};
-use omniwalk_env::robot::{Robot, can_vary};
+use omniwalk_env::effect::{Kind, Parameter, Place, Site};
+use omniwalk_env::robot::can_vary;
 
 use super::found::Found;
 use super::model::Model;
@@ -26,7 +26,7 @@ pub fn extended(task: &Task<'_>, found: &Found) -> Result<PathBuf, IdentifyError
         None => String::new(),
     };
     text += "\n# Identified from logs.\n";
-    text += &entries(task.robot, found);
+    text += &entries(task, &found.left.model, &found.intervals);
     text += &ranges(task, &found.last, &found.intervals);
     let path = folder.join("robot.toml");
     std::fs::write(&path, text).map_err(failed(&path))?;
@@ -78,12 +78,11 @@ fn quoted(name: &str) -> String {
     toml::Value::from(name).to_string()
 }
 
-/// What was found of `robot`, with the intervals of what is re-tuned and then of effects; what stands in for what is missing has none, nor has
-/// what was re-tuned beside it.
-fn entries(robot: &Robot, found: &Found) -> String {
-    let model = &found.left.model;
+/// The numbers of `model`, with the `intervals` of those that are re-tuned and then of effects; what was re-tuned beside a table has none.
+fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
+    let robot = task.robot;
     let mut out = String::new();
-    let mut half = found.intervals.iter().copied();
+    let mut half = intervals.iter().copied();
     let mut comment = move || match half.next() {
         Some(half) if half.is_finite() => format!(" # +- {half:.2e}"),
         Some(_) => " # the logs do not tell".to_owned(),
@@ -100,8 +99,8 @@ fn entries(robot: &Robot, found: &Found) -> String {
             }
             last = Some(tuned.dof);
         }
-        let said = match (comment(), found.has_stand_in(robot, tuned.dof)) {
-            (_, true) => " # beside what stands in".to_owned(),
+        let said = match (comment(), model.has(Kind::ResidualTorque, tuned.dof)) {
+            (_, true) => " # beside the table".to_owned(),
             (interval, false) => interval,
         };
         let _ = writeln!(out, "{} = {:?}{said}", tuned.own.key(), tuned.value);
@@ -112,23 +111,19 @@ fn entries(robot: &Robot, found: &Found) -> String {
             Site::Joint => &robot.dof(term.target).name,
             Site::Link => &robot.links[term.target].name,
         });
-        let is_found = found.last.has(term.kind, term.target);
-        if !is_found {
-            out += "\n# Stands in for what is missing: no finding.";
-        }
         match info.place {
             Place::Joint(key) => {
                 let _ = write!(
                     out,
                     "\n[[joint]]\nmatch = [{name}]\n{key} = {:?}{}\n",
                     term.values[0],
-                    if is_found { comment() } else { String::new() }
+                    comment()
                 );
             }
             Place::Table => {
                 let _ = write!(out, "\n[[effect]]\nid = {:?}\nmatch = [{name}]\n", info.id);
                 for (i, parameter) in info.parameters.iter().enumerate() {
-                    let said = if is_found && term.free.contains(&i) {
+                    let said = if term.free.contains(&i) {
                         comment()
                     } else {
                         String::new()
@@ -154,8 +149,6 @@ fn entries(robot: &Robot, found: &Found) -> String {
 
 #[cfg(test)]
 mod tests {
-    use omniwalk_env::effect::Kind;
-
     use super::*;
 
     fn of(kind: Kind, name: &str) -> &'static Parameter {

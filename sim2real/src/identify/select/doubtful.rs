@@ -11,7 +11,7 @@ impl Selector<'_> {
     /// Takes out, one by one, the effects of which every size has an interval that holds none, the least certain first: what is wrong with a
     /// model beyond noise can be all there is to them. Sets of which they are one go with them. Whether any was.
     pub fn drop_doubtful(&self, selection: &mut Selection) -> bool {
-        let mut before = selection.last.model.clone();
+        let before = selection.last.model.terms.len();
         while let Some(i) = self.least_certain(selection) {
             let mut model = selection.last.model.clone();
             let Term { kind, target, .. } = model.terms.remove(i);
@@ -23,15 +23,7 @@ impl Selector<'_> {
             }
             selection.take_out(&doubted, without, "its 95 % interval holds no effect at all");
         }
-        before
-            .terms
-            .retain(|term| !selection.last.model.has(term.kind, term.target));
-        if before.terms.is_empty() {
-            return false;
-        }
-        before.terms.append(&mut selection.doubted.terms);
-        selection.doubted = before;
-        true
+        selection.last.model.terms.len() < before
     }
 
     fn least_certain(&self, selection: &Selection) -> Option<usize> {

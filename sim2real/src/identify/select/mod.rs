@@ -9,14 +9,12 @@ mod curve;
 mod doubtful;
 mod fits;
 mod settle;
-mod stand_in;
 mod step;
 mod tables;
 mod together;
 mod untold;
 mod worth;
 
-pub use stand_in::StandIn;
 pub use tables::Tabled;
 pub use worth::is_above;
 
@@ -95,8 +93,6 @@ pub struct Selection {
     pub counts: Vec<Count>,
     /// Largest share of the loss that an effect took in any step.
     pub best: f64,
-    /// Effects that were taken out as doubtful, with what was re-tuned beside them.
-    pub doubted: Model,
 }
 
 impl Selection {
@@ -317,7 +313,6 @@ impl<'a> Selector<'a> {
             tried,
             counts,
             best: most_taken,
-            doubted: Model::default(),
         }
     }
 

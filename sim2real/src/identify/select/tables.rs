@@ -17,10 +17,10 @@ const POINTS: usize = 9;
 const FINER: usize = 4;
 /// Tables over different variables are compared when they were begun with rough data; so many are finished.
 const FINISHED: usize = 3;
-/// Least fall of the cross-validated loss by a table, or what else stands in.
-pub(super) const WORTH: f64 = 0.05;
-/// Probability by chance of its gain.
-pub(super) const CHANCE: f64 = 0.05;
+/// Least fall of the cross-validated loss by a table.
+const WORTH: f64 = 0.05;
+/// Probability by chance of the best table's gain.
+const CHANCE: f64 = 0.05;
 
 /// A table that was fitted beside a model, with what is re-tuned of its joint.
 pub struct Tabled {
