@@ -1,7 +1,8 @@
-//! How far a model of ground contact can be believed: one on a slippery ground, at half the physics step, is compared with the other.
+//! How far a model of ground contact can be believed: what other grounds change is compared.
 //!
-//! Neither is the ground's. Where the two differ by more than the encoder's noise, which is about touchdown, a stretch says nothing of
-//! the robot and is left out; what they differ by in the others is part of the floor, and no effect is named of which another ground would make half.
+//! None of them is the ground that the robot walked on. What each of many changes is taken out of every stretch with its start
+//! ([`directions`]); what that leaves of one that is none of them is part of the floor. Where it is more than the encoder's noise,
+//! a stretch says nothing of the robot and is left out, and no effect is named of which that ground would make half.
 
 use std::sync::Arc;
 
@@ -23,56 +24,144 @@ use super::trial::{DT, Trial};
 const AGREED: f64 = 2.0;
 /// A stretch is left out where it is so many times as far off as half of them are at most.
 const UNUSUAL: f64 = 2.5;
-/// The ground may be so many times as far from the model as the other one that is tried.
-const FARTHER: f64 = 1.5;
 /// What stands for a reading of a simulation that broke, rad or m.
 const BROKEN: f64 = 1.0;
 
-/// A ground on which soles turn as hard as on one that gives: of large soles, carpet, turf.
-const GRIPPING: Friction = Friction {
-    torsional: 0.1,
-    ..GROUND
+/// A way to model the ground.
+struct Ground {
+    /// Whether the engine is rapier's.
+    rapier: bool,
+    /// How hard it is beside ours.
+    hardness: f64,
+    /// Friction.
+    friction: Friction,
+    /// Physics steps a millisecond.
+    finer: usize,
+}
+
+/// The one that is fitted with.
+const OURS: Ground = Ground {
+    rapier: false,
+    hardness: 1.0,
+    friction: GROUND,
+    finer: 1,
 };
 
-/// A ground that is more slippery than the model's.
-const SLIPPERY: Friction = Friction {
-    tangential: 0.6,
-    torsional: 0.005,
-    rolling: 0.0005,
+/// What other grounds change, and how much of each there is nobody knows: softer and harder ones, those that slip, turn and roll
+/// more easily or less, and what the integration and another solver make of contact.
+const GROUNDS: [Ground; 11] = [
+    Ground { rapier: true, ..OURS },
+    Ground { hardness: 0.3, ..OURS },
+    Ground { hardness: 0.5, ..OURS },
+    Ground { hardness: 2.0, ..OURS },
+    Ground { finer: 2, ..OURS },
+    Ground {
+        friction: Friction {
+            tangential: 0.6,
+            ..GROUND
+        },
+        ..OURS
+    },
+    Ground {
+        friction: Friction {
+            tangential: 0.3,
+            ..GROUND
+        },
+        ..OURS
+    },
+    // Soles turn as hard as on one that gives: of large soles, carpet, turf.
+    Ground {
+        friction: Friction {
+            torsional: 0.1,
+            ..GROUND
+        },
+        ..OURS
+    },
+    Ground {
+        friction: Friction {
+            torsional: 0.003,
+            ..GROUND
+        },
+        ..OURS
+    },
+    Ground {
+        friction: Friction { rolling: 0.0, ..GROUND },
+        ..OURS
+    },
+    Ground {
+        friction: Friction {
+            rolling: 0.01,
+            ..GROUND
+        },
+        ..OURS
+    },
+];
+
+/// A ground that is none of those, nor between them: what is left of it is what nobody can tell from the robot.
+const OTHER: Ground = Ground {
+    hardness: 0.3,
+    friction: Friction {
+        tangential: 0.3,
+        torsional: 0.05,
+        rolling: 0.005,
+    },
+    ..OURS
 };
 
-/// By how much other models of contact change the readings of `robot`, in units of `noise` (by degree of freedom, rad or m): rapier's,
-/// and a ground on which soles turn less easily.
+/// By how much other models of contact change the readings of `robot`, in units of `noise` (by degree of freedom, rad or m).
 ///
 /// # Errors
 /// When an engine does not take the robot.
-pub fn directions(trial: &Trial, robot: &Robot, noise: &[f64]) -> Result<[DVector<f64>; 2], EngineError> {
-    let rapier: Box<dyn Engine> = Box::new(Rapier::new(robot, DT, 1)?);
-    let lanes: Box<dyn Engine> = Box::new(Lanes::new(robot, DT, 1, level())?);
-    let direction = |other| -> Result<DVector<f64>, EngineError> {
-        let change = change(trial, robot, other, 1)?;
+pub fn directions(trial: &Trial, robot: &Robot, noise: &[f64]) -> Result<Vec<DVector<f64>>, EngineError> {
+    let ours = rollout::predict(trial, std::slice::from_ref(robot), 1)?;
+    let direction = |ground: &Ground| -> Result<DVector<f64>, EngineError> {
+        let change = ground.change(trial, robot, &ours)?;
         let readings = trial.readings.iter().zip(&change);
         let entries = readings.map(|(r, change)| change / noise[r.dof]);
         Ok(DVector::from_iterator(change.len(), entries))
     };
-    Ok([direction((rapier, GROUND))?, direction((lanes, GRIPPING))?])
+    GROUNDS.iter().map(direction).collect()
 }
 
-/// By how much a ground that is more slippery and half the physics step change the readings, beyond what starts and rapier's contact
-/// explain: one a reading, rad or m. Empty where the base is held.
+impl Ground {
+    /// By how much the readings of `robot` change where it stands on this ground instead of on [`OURS`], where they are `ours`, rad or m.
+    fn change(&self, trial: &Trial, robot: &Robot, ours: &[f64]) -> Result<Vec<f64>, EngineError> {
+        let own = std::slice::from_ref(robot);
+        let shift = std::slice::from_ref(&trial.shift);
+        let rollout = Rollout::on((self.engine(robot)?, self.friction), trial, own, self.dt(), shift);
+        let there = rollout::follow(trial, rollout, self.finer);
+        let change = there.iter().zip(ours).map(|(a, b)| a - b);
+        // Where one of them broke there is nothing to learn.
+        Ok(change
+            .map(|change| if change.is_finite() { change } else { BROKEN })
+            .collect())
+    }
+
+    fn engine(&self, robot: &Robot) -> Result<Box<dyn Engine>, EngineError> {
+        if self.rapier {
+            return Ok(Box::new(Rapier::new(robot, self.dt(), 1)?));
+        }
+        let mut lanes = Lanes::new(robot, self.dt(), 1, level())?;
+        lanes.harden(self.hardness);
+        Ok(Box::new(lanes))
+    }
+
+    /// Physics step, s.
+    fn dt(&self) -> f64 {
+        DT / self.finer as f64
+    }
+}
+
+/// By how much the [`OTHER`] ground changes the readings, beyond what starts and [`GROUNDS`] explain: one a reading, rad or m. Empty
+/// where the base is held.
 fn differences(trial: &Trial, robot: &Robot) -> Result<Vec<f64>, EngineError> {
     let Some(starts) = &trial.starts else {
         return Ok(Vec::new());
     };
-    let mut change = DVector::from_vec(slippery(trial, robot)?);
+    let ours = rollout::predict(trial, std::slice::from_ref(robot), 1)?;
+    let mut change = DVector::from_vec(OTHER.change(trial, robot, &ours)?);
     starts.project(trial, &mut change);
     Ok(change.iter().copied().collect())
-}
-
-/// By how much a ground that is more slippery and half the physics step change the readings, rad or m.
-fn slippery(trial: &Trial, robot: &Robot) -> Result<Vec<f64>, EngineError> {
-    let engine = Box::new(Lanes::new(robot, DT / 2.0, 1, level())?);
-    change(trial, robot, (engine, SLIPPERY), 2)
 }
 
 /// `data` as they would be if `model` lacked nothing and the ground were another: what an effect explains of them is no effect.
@@ -83,36 +172,21 @@ pub fn elsewhere(data: &Data, model: &Model) -> Data {
         .zip(&*data.robots)
         .for_each(|(trial, robot)| {
             let robot = robot.with(model);
-            let own = starts::perfect(trial, &robot, 1).and_then(|own| Ok((own, slippery(trial, &robot)?)));
             // An engine that took the nominal robot takes all of them.
-            if let Ok((own, change)) = own {
-                let positions = own.iter().zip(change).map(|(own, change)| own + change);
-                trial
-                    .readings
-                    .iter_mut()
-                    .zip(positions)
-                    .for_each(|(r, q)| r.position = q);
+            if let Ok(positions) = on_other(trial, &robot) {
+                let readings = trial.readings.iter_mut().zip(positions);
+                readings.for_each(|(r, q)| r.position = q);
             }
         });
     there
 }
 
-/// By how much `other` changes the readings of `robot`.
-fn change(
-    trial: &Trial,
-    robot: &Robot,
-    other: (Box<dyn Engine>, Friction),
-    finer: usize,
-) -> Result<Vec<f64>, EngineError> {
-    let own = std::slice::from_ref(robot);
-    let lanes = rollout::predict(trial, own, 1)?;
-    let rollout = Rollout::on(other, trial, own, DT / finer as f64, std::slice::from_ref(&trial.shift));
-    let there = rollout::follow(trial, rollout, finer);
-    let change = there.iter().zip(&lanes).map(|(a, b)| a - b);
-    // Where one of them broke there is nothing to learn.
-    Ok(change
-        .map(|change| if change.is_finite() { change } else { BROKEN })
-        .collect())
+/// Readings that `robot` predicts on the [`OTHER`] ground to the last digit, whatever the start.
+fn on_other(trial: &Trial, robot: &Robot) -> Result<Vec<f64>, EngineError> {
+    let ours = rollout::predict(trial, std::slice::from_ref(robot), 1)?;
+    let change = OTHER.change(trial, robot, &ours)?;
+    let own = starts::perfect(trial, robot, 1)?;
+    Ok(own.iter().zip(change).map(|(own, change)| own + change).collect())
 }
 
 /// Each of `trials` with its robot, the nominal one.
@@ -200,6 +274,6 @@ pub fn floor(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
             count[reading.dof] += 1.0;
         }
     }
-    let root = |(squares, count): (&f64, &f64)| FARTHER * (squares / count.max(1.0)).sqrt();
+    let root = |(squares, count): (&f64, &f64)| (squares / count.max(1.0)).sqrt();
     Ok(squares.iter().zip(&count).map(root).collect())
 }

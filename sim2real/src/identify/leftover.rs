@@ -123,7 +123,7 @@ struct Losses {
 }
 
 impl Losses {
-    /// By degree of freedom; of a robot on the ground all are one, as its ground is in all of them.
+    /// By degree of freedom.
     ///
     /// They are those of the fits, not of predictions: where joints stick, those of blocks that were left out are as bad as one likes.
     fn by_dof(data: &Data, selection: &Selection, floor: &Floor) -> Vec<Self> {
@@ -135,12 +135,7 @@ impl Losses {
             floor: own[d],
             negligible: negligible[d],
         };
-        let dofs = data.weights.len();
-        let own: Vec<Self> = (0..dofs).map(of).collect();
-        if data.is_free() {
-            return vec![own.into_iter().fold(Self::default(), Self::and); dofs];
-        }
-        own
+        (0..data.weights.len()).map(of).collect()
     }
 
     /// With those of other joints.
@@ -250,9 +245,7 @@ pub fn leftover(selector: &Selector<'_>, selection: &Selection, floor: &Floor) -
     for (dof, moments) in torque::lacking(data, model, selector.scales)?.into_iter().enumerate() {
         let mut depends_on = torque::dependence(&moments, &fold, folds.count);
         let (own, is_open) = (losses[dof], open.contains(&dof));
-        // Of a robot on the ground all joints are open where one is.
-        let worth_a_table = is_open && !(data.is_free() && depends_on.is_empty());
-        let table = worth_a_table
+        let table = is_open
             .then(|| selector.table(&selection.last, dof, &moments))
             .flatten();
         if let Some(table) = &table {

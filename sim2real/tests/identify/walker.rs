@@ -66,8 +66,9 @@ fn what_stands_on_the_ground_is_followed_down_to_the_noise() {
     let late = walker(Some((Kind::CommandDelay, &[0.01])));
     for ground in [Ground::Own, Ground::Rigid] {
         let [own, late] = [&robot, &late].map(|truth| error(&logs(truth, ground, 3, 0)));
-        // The ankle sways at up to 0.5 rad/s: 10 ms late it is 5 mrad off at most.
-        assert!(own < 1.5 * NOISE && late > 2.0 * NOISE, "{own} {late}");
+        // The ankle sways at up to 0.5 rad/s: 10 ms late it is 5 mrad off at most. Much of that another ground could have done, but no
+        // less is left than what counts as more than noise: 1.5 times its square.
+        assert!(own < 1.2 * NOISE && late * late > 1.5 * own * own, "{own} {late}");
     }
 }
 

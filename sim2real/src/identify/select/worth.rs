@@ -33,11 +33,8 @@ const STICKING: f64 = 2.0;
 const BEYOND_CONTACT: f64 = 2.0;
 
 impl Selector<'_> {
-    /// Whether `fit` leaves more than noise of a degree of freedom; of a robot on the ground of all together, as its ground is in all of them.
+    /// Whether `fit` leaves more than noise of a degree of freedom.
     pub(super) fn is_above_floor(&self, fit: &Fit) -> bool {
-        if self.data.is_free() {
-            return total(&fit.losses) > ABOVE_FLOOR * self.floor;
-        }
         let left = leftover::squares(self.data, &fit.model);
         left.iter()
             .zip(&self.floors)
@@ -75,14 +72,10 @@ impl Selector<'_> {
         own.map(|(_, loss)| loss.squares).sum()
     }
 
-    /// Of which degrees of freedom more is left than what is negligible; of a robot on the ground of all or none, as its ground is in all
-    /// of them.
+    /// Of which degrees of freedom more is left than what is negligible.
     fn beyond_negligible(&self, losses: &[Loss]) -> Vec<bool> {
         let dofs = self.floors.len();
         let bound: Vec<f64> = self.floors.iter().zip(&self.negligible).map(|(a, b)| a + b).collect();
-        if self.data.is_free() {
-            return vec![total(losses) > bound.iter().sum(); dofs];
-        }
         (0..dofs)
             .map(|d| self.sum_of(losses, |own| own == d) > bound[d])
             .collect()
