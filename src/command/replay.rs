@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
     tell(check.to_string().trim_end());
     if measure.rmse.0.is_empty() {
         return Err(miette!(
-            help = "what is compared begins 0.65 s after a log's start; record a few seconds",
+            help = "readings too close to a log's start cannot be: nobody knows what came before; record a few seconds",
             "no reading of these logs can be compared"
         ));
     }

@@ -2,8 +2,8 @@
 //! bits.
 //!
 //! A record has a key, a hash of all that its numbers follow from; how many they are; the numbers; and a hash of these. The file begins
-//! with what all records follow from (this program, the robot, the logs), and begins anew where that is another. What was torn off while
-//! it was written is cut away.
+//! with what all records follow from (this program, the robot, the logs); one in which that is another is left as it is, and refused. What
+//! was torn off while it was written is cut away.
 
 use std::collections::HashMap;
 use std::fmt::{self, Debug, Write as _};
@@ -20,6 +20,10 @@ const LONGEST: u64 = 1 << 30;
 
 /// What is wrong where two write into one folder.
 const BUSY: &str = "another `omniwalk identify` is at work in this folder";
+
+/// What is wrong where something else was interrupted: hours may be in it.
+const ANOTHER: &str = "it is what another identification came to before it was interrupted (of other logs, of another robot or by another \
+                       version of omniwalk); take another folder, or remove this file to begin anew";
 
 /// A hash of how something is written by [`Debug`], which tells floating-point numbers apart to the last bit.
 #[derive(Default)]
@@ -58,7 +62,7 @@ impl Journal {
     /// Opens the journal at `path` of what follows from `all`, or begins it; nobody else can until it is dropped.
     ///
     /// # Errors
-    /// When the file cannot be read or written, or another identification has it open.
+    /// When the file cannot be read or written, another identification has it open, or it is another one's.
     pub fn open(path: &Path, all: &dyn Debug) -> io::Result<Self> {
         let mut options = OpenOptions::new();
         let mut file = options.read(true).write(true).create(true).truncate(false).open(path)?;
@@ -71,6 +75,7 @@ impl Journal {
         let head = (hash(all) ^ program()).to_le_bytes();
         let (known, end) = match bytes.strip_prefix(&head) {
             Some(records) => read(records),
+            None if bytes.len() > head.len() => return Err(io::Error::new(io::ErrorKind::AlreadyExists, ANOTHER)),
             None => (HashMap::new(), 0),
         };
         file.rewind()?;
@@ -173,13 +178,17 @@ mod tests {
     }
 
     #[test]
-    fn a_journal_of_other_logs_begins_anew() {
+    fn a_journal_of_other_logs_is_left_as_it_is() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal");
+        let other = 1.0_f64.next_up();
+        drop(Journal::open(&path, &other).expect("a journal"));
+        // Nothing is lost where nothing was kept.
         Journal::open(&path, &1.0).expect("a journal").keep(1, &[2.0]);
-        assert_eq!(Journal::open(&path, &1.0_f64.next_up()).expect("a journal").len(), 0);
+        let refused = Journal::open(&path, &other).expect_err("a refusal");
+        assert!(refused.to_string().contains("of other logs"), "{refused}");
         let journal = Journal::open(&path, &1.0).expect("a journal");
-        assert_eq!(journal.known(1), None, "the other one took its place");
+        assert_eq!(journal.known(1), Some(&[2.0][..]));
     }
 
     #[test]
