@@ -7,7 +7,7 @@ use crate::inspect;
 use crate::settings::DEFAULT;
 use crate::terminal::say;
 
-/// Describes what a robot, a log, or any file or folder that omniwalk writes holds.
+/// Describes what a robot, a log, a configuration, a run folder or a file in it, an evaluation, or what `identify` or `report` wrote holds.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// The file or folder.
