@@ -29,7 +29,7 @@ impl Candidate {
 
     /// The degree of freedom whose numbers are fitted beside it: the one it is at. What a link weighs moves all of a limb, and all of its numbers
     /// bend to that (`None`); those of a robot on the ground are too many.
-    fn joint(&self, robot: &Robot, data: &Data) -> Option<usize> {
+    pub fn joint(&self, robot: &Robot, data: &Data) -> Option<usize> {
         let site = self.kind.info().site;
         let moves_all = site == Site::Link && !data.is_free();
         (!moves_all).then(|| joint_of(robot, site, self.target)).flatten()
@@ -265,7 +265,17 @@ impl Attempt {
         Self { ways: ways.into() }
     }
 
-    /// The same from `model` as it is alone, which was re-tuned beside an effect in whose place the candidate is tried.
+    /// No effect beside `model`: its numbers of degree of freedom `joint`, or all of them, fitted from the same two starts.
+    pub fn plain(robot: &Robot, data: &Data, model: &Model, joint: Option<usize>, scales: &Scales) -> Self {
+        let mut model = model.clone();
+        model.hold_others(robot, joint);
+        let mut straight = model.clone();
+        straight.straighten();
+        let ways = [model, straight].map(|from| Descent::begun(data, &from, scales));
+        Self { ways: ways.into() }
+    }
+
+    /// A candidate from `model` as it is alone, which was re-tuned beside an effect in whose place the candidate is tried.
     pub fn in_place(robot: &Robot, data: &Data, model: &Model, candidate: &Candidate, scales: &Scales) -> Self {
         Self {
             ways: vec![candidate.way(robot, data, model, scales)],

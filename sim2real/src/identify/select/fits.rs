@@ -1,13 +1,17 @@
 //! Fits of models and what they predict of data they were not fitted to.
 
-use omniwalk_env::effect::Kind;
+use std::collections::BTreeSet;
 
-use super::super::candidates;
+use omniwalk_env::effect::Kind;
+use rayon::prelude::*;
+
+use super::super::candidates::{self, Candidate};
+use super::super::descent::Descent;
 use super::super::fit::{Fit, total};
 use super::super::model::{Model, Term};
 use super::super::own::Own;
 use super::worth::WORTH_OF_GAP;
-use super::{Judged, LESSER, Selector, Steps, terms};
+use super::{Attempted, Judged, LESSER, Selector, Steps, terms};
 
 impl Selector<'_> {
     /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
@@ -60,6 +64,49 @@ impl Selector<'_> {
         Judged { fit, cross }
     }
 
+    /// `results` of `candidates` beside `before`, of which the numbers of other joints were held, as they would be judged had those been left to
+    /// each fold too: what `before` predicts worse for that, its joints have alike with the candidate. Not of robots that walk, whose joints
+    /// without an effect are held until the end.
+    pub(super) fn with_others_left_out(
+        &self,
+        before: &Judged,
+        candidates: &[&Candidate],
+        mut results: Vec<Attempted>,
+    ) -> Vec<Attempted> {
+        if self.data.is_free() {
+            return results;
+        }
+        let held = |result: &Attempted| result.as_ref().is_ok_and(|judged| judged.fit.model.is_held());
+        let joints = results.iter().zip(candidates).filter(|(result, _)| held(result));
+        let joints: BTreeSet<usize> = joints.filter_map(|(_, own)| own.joint(self.robot, self.data)).collect();
+        let joints: Vec<usize> = joints.into_iter().collect();
+        let costs: Vec<Vec<f64>> = joints
+            .par_iter()
+            .map(|&joint| self.cost_of_others(before, joint))
+            .collect();
+        for (result, candidate) in results.iter_mut().zip(candidates) {
+            let (Ok(judged), Some(joint)) = (result, candidate.joint(self.robot, self.data)) else {
+                continue;
+            };
+            let Ok(place) = joints.binary_search(&joint) else {
+                continue;
+            };
+            for (loss, cost) in judged.cross.iter_mut().zip(&costs[place]) {
+                loss.squares = (loss.squares + cost).max(0.0);
+            }
+        }
+        results
+    }
+
+    /// By how much `before` predicts worse, by block and degree of freedom, where numbers of joints other than `joint` are left to the folds too.
+    fn cost_of_others(&self, before: &Judged, joint: usize) -> Vec<f64> {
+        let mut model = before.fit.model.clone();
+        model.hold_others(self.robot, Some(joint));
+        let alone = self.judge(Descent::new(self.data, &model, self.scales).fit);
+        let both = before.cross.iter().zip(&alone.cross);
+        both.map(|(all, own)| all.squares - own.squares).collect()
+    }
+
     /// Fits all of `model`, from its values and from the nominal ones of what is re-tuned: what bent to make up for an effect
     /// that was missing need not find its way back.
     pub(super) fn fit(&self, model: &Model) -> Judged {
@@ -104,5 +151,47 @@ impl Selector<'_> {
             *known = self.fit_near(model);
         }
         known.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::cross::Folds;
+    use super::super::super::cut::Lengths;
+    use super::super::super::floor::Floor;
+    use super::super::super::hinge::{chain, read, swings};
+    use super::super::super::scales::Scales;
+    use super::*;
+
+    #[test]
+    fn what_holds_other_joints_numbers_predicts_no_better_for_that() {
+        let robot = chain(&["upper", "lower"], "kp = 30.0\nkd = 1.0\ndamping = 0.1\n");
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let mut data = swings(&robot, 2, lengths);
+        let nominal = Model::nominal(&robot, &data.trials);
+        read(&mut data, &nominal);
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        let before = selector.fit(&nominal);
+        let candidates = selector.candidates(&before.fit.model);
+        let delay = candidates
+            .iter()
+            .find(|own| (own.kind, own.target) == (Kind::CommandDelay, 1));
+        // A candidate that does nothing.
+        let mut model = before.fit.model.clone();
+        model.hold_others(&robot, Some(1));
+        let nothing = selector.judge(Descent::new(&data, &model, &scales).fit);
+        assert!(
+            total(&nothing.cross) < total(&before.cross),
+            "fewer numbers are left to the folds"
+        );
+        let judged = selector.with_others_left_out(&before, &[delay.expect("a candidate")], vec![Ok(nothing)]);
+        let judged = judged[0].as_ref().expect("judged");
+        let off = total(&judged.cross) / total(&before.cross) - 1.0;
+        assert!(off.abs() < 1e-9, "it gains {off}");
     }
 }

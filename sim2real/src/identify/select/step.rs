@@ -151,10 +151,8 @@ impl Selector<'_> {
         if !on.is_empty() {
             let before = total(&self.data.rough().losses(std::slice::from_ref(&now.fit.model))[0]);
             let share = |loss: f64| 1.0 - loss / before;
-            let results = self
-                .try_on(&on, Attempt::begin)
-                .into_iter()
-                .map(|result| result.map_err(share));
+            let results = self.with_others_left_out(now, &new, self.try_on(&on, Attempt::begin));
+            let results = results.into_iter().map(|result| result.map_err(share));
             let results = new
                 .iter()
                 .zip(results)
@@ -184,7 +182,8 @@ impl Selector<'_> {
         let mut model = without.fit.model.clone();
         model.tuned.clone_from(&now.fit.model.tuned);
         let on: Vec<_> = candidates.iter().map(|candidate| (&model, candidate)).collect();
-        let results = self.try_on(&on, Attempt::in_place);
+        let each: Vec<&Candidate> = candidates.iter().collect();
+        let results = self.with_others_left_out(without, &each, self.try_on(&on, Attempt::in_place));
         let good = candidates.into_iter().zip(results);
         let (candidates, judged) = good.filter_map(|(own, result)| Some((own, result.ok()?))).unzip();
         Tried {
@@ -201,18 +200,23 @@ impl Selector<'_> {
         let begin =
             |(model, candidate): &(&Model, &Candidate)| begin(self.robot, &rough, model, candidate, self.scales);
         let mut attempts: Vec<Attempt> = on.par_iter().map(begin).collect();
-        let best = least(&attempts);
+        let best = attempts.iter().map(Attempt::loss).fold(f64::INFINITY, f64::min);
         attempts
             .par_iter_mut()
             .for_each(|attempt| attempt.go_on(&rough, self.scales, best));
-        let mut order: Vec<f64> = attempts.iter().map(Attempt::loss).collect();
+        let taken = self.taken_for_the_step(on, &rough);
+        let losses: Vec<f64> = attempts
+            .iter()
+            .zip(taken)
+            .map(|(own, taken)| own.loss() + taken)
+            .collect();
+        let mut order = losses.clone();
         order.sort_by(f64::total_cmp);
         let dear = self.data.is_dear();
         let most = if dear { FINISHED } else { on.len() };
         let last = order.get(most.wrapping_sub(1)).copied().unwrap_or(f64::INFINITY);
-        let last = last.min(BEHIND * least(&attempts));
-        let judge = |attempt: Attempt| {
-            let loss = attempt.loss();
+        let last = last.min(BEHIND * order.first().copied().unwrap_or(f64::INFINITY));
+        let judge = |(attempt, loss): (Attempt, f64)| {
             if loss > last {
                 return Err(loss);
             }
@@ -224,7 +228,28 @@ impl Selector<'_> {
             };
             Ok(self.judge(fit))
         };
-        attempts.into_par_iter().map(judge).collect()
+        attempts.into_par_iter().zip(losses).map(judge).collect()
+    }
+
+    /// What re-tuning alone takes of the loss of `rough` data beside each of `on`, where their physics step is a coarser one: it bends to the
+    /// step, of a whole limb more than of one joint, and what it takes for that is no effect's.
+    fn taken_for_the_step(&self, on: &[(&Model, &Candidate)], rough: &Data) -> Vec<f64> {
+        if self.data.finer == rough.finer || self.robot.dofs.len() == 1 {
+            return vec![0.0; on.len()];
+        }
+        let joint = |candidate: &Candidate| candidate.joint(self.robot, self.data);
+        let taken = |&(model, candidate): &(&Model, &Candidate)| {
+            let mut plain = Attempt::plain(self.robot, rough, model, joint(candidate), self.scales);
+            plain.go_on(rough, self.scales, plain.loss());
+            total(&rough.losses(std::slice::from_ref(model))[0]) - plain.loss()
+        };
+        let is_same =
+            |a: &(&Model, &Candidate), b: &(&Model, &Candidate)| std::ptr::eq(a.0, b.0) && joint(a.1) == joint(b.1);
+        let first = |own| on.iter().position(|other| is_same(own, other)).unwrap_or(0);
+        let firsts: Vec<usize> = on.iter().map(first).collect();
+        let once = |i: usize| if firsts[i] == i { taken(&on[i]) } else { 0.0 };
+        let taken: Vec<f64> = (0..on.len()).into_par_iter().map(once).collect();
+        firsts.iter().map(|&first| taken[first]).collect()
     }
 
     /// The best single effect that is worth it and significant among `count`, else the best pair.
@@ -244,11 +269,9 @@ impl Selector<'_> {
             .iter()
             .map(|((_, first), (second, _))| (&first.fit.model, *second))
             .collect();
-        let pairs: Vec<Judged> = self
-            .try_on(&on, Attempt::begin)
-            .into_iter()
-            .filter_map(Result::ok)
-            .collect();
+        let seconds: Vec<&Candidate> = on.iter().map(|(_, second)| *second).collect();
+        let pairs = self.with_others_left_out(now, &seconds, self.try_on(&on, Attempt::begin));
+        let pairs: Vec<Judged> = pairs.into_iter().filter_map(Result::ok).collect();
         // A pair must be worth two effects.
         let best = self.best(now, &pairs, count * count / 2)?;
         let gain = self.folds.gain(&now.cross, &best.cross);
@@ -271,11 +294,6 @@ impl Selector<'_> {
     }
 }
 
-/// The least loss of all.
-fn least(attempts: &[Attempt]) -> f64 {
-    attempts.iter().map(Attempt::loss).fold(f64::INFINITY, f64::min)
-}
-
 fn note(rejected: &mut Vec<Rejected>, candidate: &Candidate, gain: Gain, at_best: Option<f64>) {
     let own = (candidate.kind, candidate.target);
     match rejected.iter_mut().find(|r| (r.kind, r.target) == own) {
@@ -292,5 +310,61 @@ fn note(rejected: &mut Vec<Rejected>, candidate: &Candidate, gain: Gain, at_best
             at_best,
             reason: String::new(),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::cross::Folds;
+    use super::super::super::cut::Lengths;
+    use super::super::super::floor::Floor;
+    use super::super::super::hinge::{chain, read, swings};
+    use super::super::super::model::Term;
+    use super::*;
+
+    /// A link that is light for its rotor's brake follows no step of a millisecond.
+    const BRAKED: &str = "kp = 30.0\nkd = 8.0\narmature = 0.002\n";
+
+    fn dead_band(width: f64) -> Term {
+        Term {
+            kind: Kind::CommandDeadBand,
+            target: 1,
+            values: vec![width],
+            free: vec![0],
+            table: None,
+            held: false,
+        }
+    }
+
+    #[test]
+    fn what_re_tuning_takes_for_a_coarser_step_is_no_effects() {
+        let robot = chain(&["upper", "lower"], BRAKED);
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let mut data = swings(&robot, 2, lengths);
+        data.finer = 4;
+        let nominal = Model::nominal(&robot, &data.trials);
+        let truth = Model {
+            terms: vec![dead_band(0.01)],
+            ..nominal.clone()
+        };
+        read(&mut data, &truth);
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        let candidates = selector.candidates(&nominal);
+        let on: Vec<(&Model, &Candidate)> = candidates.iter().map(|own| (&nominal, own)).collect();
+        let taken = selector.taken_for_the_step(&on, &data.rough());
+        let of = |kind: Kind, target: usize| {
+            let place = candidates
+                .iter()
+                .position(|own| (own.kind, own.target) == (kind, target));
+            taken[place.expect("a candidate")]
+        };
+        assert!(of(Kind::CommandDelay, 0) > 0.0 && of(Kind::CommandDelay, 1) > 0.0);
+        assert!(of(Kind::Mass, 1) > of(Kind::CommandDelay, 0).max(of(Kind::CommandDelay, 1)));
+        assert_eq!(selector.taken_for_the_step(&on, &data), vec![0.0; on.len()]);
     }
 }
