@@ -1,16 +1,16 @@
 //! After the steps: what is needless goes, one effect takes the place of two, and what predicts as well is named with it.
 
-use omniwalk_env::effect::Kind;
+use omniwalk_env::effect::{Kind, Site};
 use rayon::prelude::*;
 
 use super::super::candidates::refinements;
-use super::super::fit::total;
-use super::super::model::Model;
+use super::super::fit::{Loss, total};
+use super::super::model::{Model, Term};
 use super::step::Tried;
 use super::worth::APART;
 use super::{Alike, Judged, Selector, Steps, size};
 
-/// What leaves less than so many times the loss of an effect nearly does what that does.
+/// What leaves less than so many times the loss of an effect, at its joint, nearly does what that does.
 const CLOSE: f64 = 2.0;
 
 impl Selector<'_> {
@@ -66,7 +66,7 @@ impl Selector<'_> {
             let candidates = self.rivals(&without.fit.model, &[&term]);
             let mut tried = self.try_all(steps, &without, candidates.clone());
             tried.add(self.try_in_place(&without, &steps.now, candidates));
-            self.shake_close(&mut tried, &steps.now);
+            self.shake_close(&mut tried, &steps.now, &term);
             let plain = |judged: &&Judged| size(&judged.fit.model) <= size(&steps.now.fit.model);
             let better = tried.judged.iter().filter(plain);
             let better = better
@@ -120,12 +120,18 @@ impl Selector<'_> {
         }
     }
 
-    /// Fits what was `tried` in an effect's place, and does nearly what that does, again: from about its end, and without the hold in which
-    /// it is farthest behind. Little decides where a joint sticks after a step, and one hold in another place looks like a worse effect.
-    fn shake_close(&self, tried: &mut Tried, now: &Judged) {
+    /// Fits what was `tried` in the place of `term`, and does nearly what that does at its joint, again: from about its end, and without the hold
+    /// in which it is farthest behind. Little decides where a joint sticks after a step, and one hold in another place looks like a worse effect.
+    fn shake_close(&self, tried: &mut Tried, now: &Judged, term: &Term) {
+        let at = (term.kind.info().site == Site::Joint).then_some(term.target);
+        let own = |cells: &Vec<Loss>| self.sum_of(cells, |dof| at.is_none_or(|at| dof == at));
+        let models = tried.judged.iter().chain([now]).map(|judged| judged.fit.model.clone());
+        let mut losses: Vec<f64> = self.data.cells(&models.collect::<Vec<_>>()).iter().map(own).collect();
+        let bound = losses.pop().map_or(0.0, |now| CLOSE * now);
         let is_apart = |own: &Judged| self.apart(&own.cross, &now.cross);
-        let is_close = |own: &&mut Judged| total(&own.fit.losses) < CLOSE * total(&now.fit.losses) && is_apart(own);
-        tried.judged.par_iter_mut().filter(is_close).for_each(|own| {
+        let is_close = |(own, loss): &(&mut Judged, f64)| *loss < bound && is_apart(own);
+        let close = tried.judged.par_iter_mut().zip(losses).filter(is_close);
+        close.for_each(|(own, _)| {
             let again = self.fit_near(&own.fit.model);
             if total(&again.fit.losses) < total(&own.fit.losses) {
                 *own = again;
@@ -186,7 +192,6 @@ mod tests {
     use super::super::super::cut::Lengths;
     use super::super::super::floor::Floor;
     use super::super::super::hinge::{chain, read, swings};
-    use super::super::super::model::Term;
     use super::super::super::scales::Scales;
     use super::super::terms;
     use super::*;

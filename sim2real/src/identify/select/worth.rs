@@ -66,7 +66,7 @@ impl Selector<'_> {
     }
 
     /// Sum of losses by block and degree of freedom over those degrees of freedom that `counts` names.
-    fn sum_of(&self, losses: &[Loss], counts: impl Fn(usize) -> bool) -> f64 {
+    pub(super) fn sum_of(&self, losses: &[Loss], counts: impl Fn(usize) -> bool) -> f64 {
         let dofs = self.floors.len();
         let own = losses.iter().enumerate().filter(|(cell, _)| counts(cell % dofs));
         own.map(|(_, loss)| loss.squares).sum()
