@@ -225,7 +225,7 @@ fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
         }
     }
     say(format_args!(
-        "position error, rms:  nominal {}  re-tuned {}  final {}  on held-out logs ({})",
+        "position error, rms, rad (m):  nominal {}  re-tuned {}  final {}  on held-out logs ({})",
         figure(outcome.nominal.heldout.overall()),
         figure(outcome.refit.heldout.overall()),
         figure(outcome.last.heldout.overall()),

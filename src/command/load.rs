@@ -11,7 +11,7 @@ use omniwalk_controller::Policy;
 use omniwalk_controller::file::MAX_LEN;
 use omniwalk_env::config::EnvConfig;
 use omniwalk_env::effect::{ROTORS_HZ, sprung};
-use omniwalk_env::robot::{self, Robot};
+use omniwalk_env::robot::{self, Base, Robot};
 use omniwalk_sim2real::recording::{self, Map, Recording, RecordingError};
 
 use crate::config::{ConfigError, Layers};
@@ -56,6 +56,9 @@ pub fn robot(path: &Path) -> miette::Result<Arc<Robot>> {
 /// The robot at `path`, on a stand if `stand`.
 pub fn held(path: &Path, stand: bool) -> miette::Result<Arc<Robot>> {
     let robot = robot(path)?;
+    if stand && robot.base == Base::Fixed {
+        tell("note: --stand changes nothing: the base of this robot is held already");
+    }
     Ok(if stand { Arc::new(robot.on_a_stand()) } else { robot })
 }
 
