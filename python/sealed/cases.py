@@ -13,7 +13,7 @@ FIXED = [
     *(("walk", seed) for seed in range(800, 808)),
 ]
 """Machine and seed; to be run once, after the procedure is frozen. Rigs and walks are those of the list of the eighth freeze, as what has
-changed since is of robots with several joints whose base is held alone."""
+changed since is of robots with several joints whose base is held; of robots that walk only what is fitted again in an effect's place."""
 
 EIGHTH = [("leg", seed) for seed in (*range(800, 818), 820, 824, 828)]
 """The legs of the fixed list of the procedure as it was frozen for the eighth time that were run before they showed effects that were never fitted
