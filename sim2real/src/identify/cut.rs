@@ -290,6 +290,7 @@ fn told(joint: &JointRecord, start: f64, times: &[f64]) -> Told {
     past.reverse();
     Told {
         command: held(&joint.command, before, times),
+        otherwise: (!joint.otherwise.is_empty()).then(|| held(&joint.otherwise, before, times)),
         effort,
         enabled: held(&joint.enabled, 1.0, times).iter().map(|&on| on > 0.5).collect(),
         past,

@@ -26,6 +26,8 @@ pub struct Floor {
     pub integration: Vec<f64>,
     /// What another model of contact changes; 0 where the base is held.
     pub contact: Vec<f64>,
+    /// What other moments of the commands change; 0 where the log says when each was given.
+    pub timing: Vec<f64>,
     /// Spread of repeats, where there are any.
     pub repeats: Vec<Option<f64>>,
     /// Beyond that, what is too little to be an effect that is missing.
@@ -54,6 +56,7 @@ impl Floor {
             sensor: dofs.clone().map(|d| noise::sensor(&data.trials, d)).collect(),
             integration: noise::discretisation(data, model)?,
             contact: contact::floor(data, model)?,
+            timing: noise::timing(data, model)?,
             repeats: dofs.map(|d| noise::repeats(&data.trials, d)).collect(),
             weights: data.weights.clone(),
         })
@@ -61,7 +64,8 @@ impl Floor {
 
     /// Of a degree of freedom, rad or m: what repeats show, else noise and integration.
     pub fn of(&self, d: usize) -> f64 {
-        let own = self.sensor[d].hypot(self.integration[d]).hypot(self.contact[d]);
+        let parts = [&self.sensor, &self.integration, &self.contact, &self.timing];
+        let own = parts.iter().fold(0.0, |sum: f64, part| sum.hypot(part[d]));
         self.repeats[d].map_or(own, |spread| spread.max(own))
     }
 
@@ -72,6 +76,7 @@ impl Floor {
             sensor: own(&self.sensor),
             integration: own(&self.integration),
             contact: own(&self.contact),
+            timing: own(&self.timing),
             repeats: spread(&self.repeats, limb, dofs),
             negligible: own(&self.negligible),
             weights: own(&self.weights),
@@ -85,6 +90,7 @@ impl Floor {
             sensor: sums(&self.sensor, &other.sensor),
             integration: sums(&self.integration, &other.integration),
             contact: sums(&self.contact, &other.contact),
+            timing: sums(&self.timing, &other.timing),
             repeats: repeats.map(|(a, b)| a.or(*b)).collect(),
             negligible: sums(&self.negligible, &other.negligible),
             weights: sums(&self.weights, &other.weights),

@@ -4,6 +4,7 @@ use omniwalk_env::engine::EngineError;
 
 use super::fit::Data;
 use super::model::Model;
+use super::own::Logged;
 use super::starts::predict;
 use super::trial::Trial;
 
@@ -111,15 +112,54 @@ fn quantum(values: &mut Vec<f64>) -> f64 {
 /// # Errors
 /// When an engine does not take the robot.
 pub fn discretisation(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
+    changes(data, |trial, robot| {
+        let robot = [robot.with(model)];
+        Ok((
+            predict(trial, &robot, data.finer)?,
+            predict(trial, &robot, 2 * data.finer)?,
+        ))
+    })
+}
+
+/// The same when commands are given at other moments that the logs allow as well.
+///
+/// # Errors
+/// When an engine does not take the robot.
+pub fn timing(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
+    if !data
+        .trials
+        .iter()
+        .flat_map(|trial| &trial.told)
+        .any(|told| told.otherwise.is_some())
+    {
+        return Ok(vec![0.0; data.weights.len()]);
+    }
+    changes(data, |trial, robot| {
+        let robot = [robot.with(model)];
+        let mut other = trial.clone();
+        for told in &mut other.told {
+            told.command = told
+                .otherwise
+                .take()
+                .unwrap_or_else(|| std::mem::take(&mut told.command));
+        }
+        Ok((
+            predict(trial, &robot, data.finer)?,
+            predict(&other, &robot, data.finer)?,
+        ))
+    })
+}
+
+/// Root mean square difference between two predictions of the readings of each degree of freedom.
+fn changes(
+    data: &Data,
+    both: impl Fn(&Trial, &Logged) -> Result<(Vec<f64>, Vec<f64>), EngineError>,
+) -> Result<Vec<f64>, EngineError> {
     let dofs = data.weights.len();
     let (mut squares, mut count) = (vec![0.0; dofs], vec![0.0_f64; dofs]);
     for (trial, robot) in data.trials.iter().zip(&*data.robots) {
-        let robot = [robot.with(model)];
-        let (coarse, fine) = (
-            predict(trial, &robot, data.finer)?,
-            predict(trial, &robot, 2 * data.finer)?,
-        );
-        for ((a, b), reading) in coarse.iter().zip(&fine).zip(&trial.readings) {
+        let (one, other) = both(trial, robot)?;
+        for ((a, b), reading) in one.iter().zip(&other).zip(&trial.readings) {
             squares[reading.dof] += (a - b).powi(2);
             count[reading.dof] += 1.0;
         }

@@ -125,6 +125,8 @@ pub struct Reading {
 pub struct Told {
     /// Target (rad, m) or effort (N m, N) at every step.
     pub command: Vec<f64>,
+    /// The same were commands given at other moments that the log allows as well; none where it says when.
+    pub otherwise: Option<Vec<f64>>,
     /// Whether commands are efforts.
     pub effort: bool,
     /// Whether the motor is on, at every step.

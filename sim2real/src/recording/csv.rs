@@ -146,7 +146,14 @@ fn wanted(path: &Path, table: &Table, names: &[String]) -> Result<Vec<(usize, St
         )),
         _ => {
             let known: Vec<&str> = names.iter().take(200).map(String::as_str).collect();
-            let help = format!("the file has {}", known.join(", "));
+            let help = match known[..] {
+                [one] if one.contains([';', '\t', ' ']) => {
+                    format!(
+                        "the file has one column, `{one}`: say with `separator = \";\"` in the map what is between its cells"
+                    )
+                }
+                _ => format!("the file has {}", known.join(", ")),
+            };
             Err(refused(format!("there is no column `{name}`"), &help))
         }
     };

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use super::clock::{self, Times};
 use super::labels::{label, possible};
 use super::map::Map;
-use super::repeats::repeats;
+use super::repeats::fresh;
 use super::{CommandKind, ImuRecord, JointRecord, OdometryRecord, Recording, RecordingError, Samples, Series, content};
 use crate::log::messages::{self, Imu, JointState, Odometry};
 use crate::log::{LogReader, Message};
@@ -348,17 +348,7 @@ impl JointTopic {
 impl Rows {
     /// Which rows hold a reading of their own.
     fn fresh(&self) -> Vec<bool> {
-        if !self.position.iter().all(|position| position.is_finite()) {
-            return vec![true; self.position.len()];
-        }
-        let bits = |row: usize| [&self.position, &self.velocity, &self.effort].map(|values| values[row].to_bits());
-        let same: Vec<bool> = (0..self.position.len())
-            .map(|row| row > 0 && bits(row) == bits(row - 1))
-            .collect();
-        repeats(&self.position, &same)
-            .into_iter()
-            .map(|repeated| !repeated)
-            .collect()
+        fresh(&self.position, &[&self.velocity, &self.effort])
     }
 }
 

@@ -18,6 +18,7 @@ mod pace;
 mod pause;
 mod repeats;
 mod rows;
+mod sender;
 mod table;
 mod units;
 
@@ -106,6 +107,8 @@ pub struct JointRecord {
     pub command_kind: CommandKind,
     /// Commands; each holds until the next.
     pub command: Series,
+    /// The same at other moments, as likely, where a table only shows between which of its rows they were given; else empty.
+    pub otherwise: Series,
     /// Measured position, rad (m).
     pub position: Series,
     /// Measured velocity, rad/s (m/s).

@@ -20,9 +20,26 @@ struct Run {
     speed: f64,
 }
 
+/// Which rows hold a reading of their own: `position` decides about motion, and what else was `measured` is the same in a row that
+/// repeats one. All have one entry a row. Rows without a position are between readings, and none.
+pub(super) fn fresh(position: &[f64], measured: &[&[f64]]) -> Vec<bool> {
+    let read: Vec<usize> = (0..position.len()).filter(|&row| position[row].is_finite()).collect();
+    let bits = |row: usize, values: &[f64]| values[row].to_bits();
+    let equal = |a: usize, b: usize| measured.iter().all(|values| bits(a, values) == bits(b, values));
+    let same: Vec<bool> = (0..read.len())
+        .map(|i| i > 0 && bits(read[i], position) == bits(read[i - 1], position) && equal(read[i], read[i - 1]))
+        .collect();
+    let positions: Vec<f64> = read.iter().map(|&row| position[row]).collect();
+    let mut fresh = vec![true; position.len()];
+    for (&row, repeated) in read.iter().zip(repeats(&positions, &same)) {
+        fresh[row] = !repeated;
+    }
+    fresh
+}
+
 /// Which rows repeat the one before: `position` decides about motion, `same[i]` says whether row `i` equals row
 /// `i - 1` in everything that was measured. Both have one entry a row; positions are finite.
-pub(super) fn repeats(position: &[f64], same: &[bool]) -> Vec<bool> {
+fn repeats(position: &[f64], same: &[bool]) -> Vec<bool> {
     let resolution = resolution(position);
     let runs = runs(position, same);
     let mut repeats = vec![false; position.len()];
@@ -84,6 +101,20 @@ mod tests {
         logged[21] = logged[19];
         assert_eq!(found(&moving), Vec::<usize>::new());
         assert_eq!(found(&logged), [8, 20, 21]);
+    }
+
+    #[test]
+    fn rows_without_a_reading_hide_no_repeats() {
+        let mut logged: Vec<f64> = (0..40).map(|i| (f64::from(i) * 0.1).sin()).collect();
+        logged[8] = logged[7];
+        let repeated = |position: &[f64]| fresh(position, &[position]).iter().filter(|fresh| !**fresh).count();
+        assert_eq!(repeated(&logged), 1);
+        // Commands in rows of their own, and one reading that was lost.
+        let mut apart: Vec<f64> = logged.iter().flat_map(|&position| [position, f64::NAN]).collect();
+        assert_eq!(repeated(&apart), 1);
+        apart[60] = f64::NAN;
+        assert_eq!(repeated(&apart), 1);
+        assert!(!fresh(&apart, &[&apart])[16]);
     }
 
     #[test]

@@ -8,9 +8,9 @@ use toml::Spanned;
 use super::columns::{Column, JointColumns};
 use super::labels::label;
 use super::map::Map;
-use super::repeats::repeats;
+use super::repeats::fresh;
 use super::table::Table;
-use super::{CommandKind, JointRecord, Recording, RecordingError, Series, content};
+use super::{CommandKind, JointRecord, Recording, RecordingError, Series, content, sender};
 
 /// Joints of all segments of a file together: a thousand recordings of a humanoid.
 const MAX_RECORDS: usize = 100_000;
@@ -77,11 +77,15 @@ impl Segment<'_> {
             name,
             ..Recording::default()
         };
+        let mut unclear: Option<f64> = None;
         for joints in self.map.joint.iter().map(Spanned::get_ref) {
             for name in &joints.names {
-                recording.joints.push(self.joint(joints, name, &clock));
+                let (joint, within) = self.joint(joints, name, &clock);
+                recording.joints.push(joint);
+                unclear = unclear.or(within);
             }
         }
+        recording.notes.extend(unclear.map(between_rows));
         if let Some(voltage) = &self.map.voltage {
             recording.voltage = self.series(&clock, voltage.get_ref(), "", None);
         }
@@ -120,10 +124,18 @@ impl Segment<'_> {
                 help,
             ));
         }
-        Ok(clock)
+        match clock[..] {
+            [first, .., last] if last <= first && self.map.segment.is_none() => {
+                let why = format!("column `{}`: the time is the same in every row", column.column);
+                let help = "name the column that says when each row was read, with its unit";
+                Err(content(self.path, &self.table.place(self.rows.start), why, help))
+            }
+            _ => Ok(clock),
+        }
     }
 
-    fn joint(&self, columns: &JointColumns, name: &str, clock: &[f64]) -> JointRecord {
+    /// A joint, and within which time its targets were given, s, where rows do not say when.
+    fn joint(&self, columns: &JointColumns, name: &str, clock: &[f64]) -> (JointRecord, Option<f64>) {
         let measured = [&columns.position, &columns.velocity, &columns.effort];
         let measured: Vec<&[f64]> = measured
             .into_iter()
@@ -145,13 +157,19 @@ impl Segment<'_> {
             .value
             .iter_mut()
             .for_each(|value| *value = f64::from(u8::from(*value != 0.0)));
-        JointRecord {
+        let command = series(&columns.command, None);
+        let sent = sender::between(&command);
+        let within = sent.as_ref().map(|sent| sent.within);
+        let (command, otherwise) =
+            sent.map_or_else(|| (command, Series::default()), |sent| (sent.likely, sent.otherwise));
+        let joint = JointRecord {
             name: name.to_owned(),
             command_kind: columns
                 .command
                 .as_ref()
                 .map_or(CommandKind::Position, |column| column.get_ref().command_kind()),
-            command: series(&columns.command, None),
+            command,
+            otherwise,
             position: series(&columns.position, Some(&fresh)),
             velocity: series(&columns.velocity, Some(&fresh)),
             effort: series(&columns.effort, Some(&fresh)),
@@ -164,7 +182,8 @@ impl Segment<'_> {
             missing: position.map_or(0, |position| {
                 position.iter().filter(|position| !position.is_finite()).count()
             }),
-        }
+        };
+        (joint, within)
     }
 
     /// The finite values of a column, of those rows that are wanted; of equal times the first counts.
@@ -209,16 +228,12 @@ impl Segment<'_> {
     }
 }
 
-/// Which rows hold a reading of their own.
-fn fresh(position: &[f64], measured: &[&[f64]]) -> Vec<bool> {
-    if !position.iter().all(|position| position.is_finite()) {
-        return vec![true; position.len()];
-    }
-    let equal = |row: usize| {
-        measured
-            .iter()
-            .all(|values| values[row].to_bits() == values[row - 1].to_bits())
-    };
-    let same: Vec<bool> = (0..position.len()).map(|row| row > 0 && equal(row)).collect();
-    repeats(position, &same).into_iter().map(|repeated| !repeated).collect()
+/// What had to be assumed of targets that were given some time `within` (s) before the row that they first stand in.
+fn between_rows(within: f64) -> String {
+    format!(
+        "targets are of another clock than the rows: each was given some time in the {:.1} ms before the row it first stands in. Where many \
+         follow each other that is worked out, and what is left open counts as noise; give targets rows of their own, with their time and the \
+         other cells empty, or record MCAP",
+        1000.0 * within
+    )
 }
