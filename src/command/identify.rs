@@ -8,7 +8,7 @@ use omniwalk_sim2real::identify::{self, Outcome, Task, Verdict};
 use omniwalk_sim2real::recording::{self, Map, RecordingError};
 
 use super::load;
-use crate::report::identification::{self, figure, said};
+use crate::report::identification::{self, figure, left_by, said};
 use crate::terminal::{OutputError, say, tell};
 
 /// Held-out errors that are so many times those of the logs that were fitted are remarked.
@@ -208,7 +208,8 @@ fn summary(outcome: &Outcome, out: &Path) -> Result<(), OutputError> {
         } else {
             &over
         };
-        say(format_args!("  {share:.0} % of what is left is structure, over {over}"))?;
+        let left = left_by(outcome);
+        say(format_args!("  {share:.0} % of what {left} is structure, over {over}"))?;
     }
     for table in &outcome.tables {
         say(format_args!("  in the robot that was written, {table}"))?;

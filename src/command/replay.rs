@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> miette::Result<()> {
             "rmse": measure.rmse,
             "mae": measure.mae,
             "by_quantity": measure.by_quantity,
-            "torque_rms": torque,
+            "lacking": lacking,
         });
         load::write(file, &(serde_json::to_string_pretty(&result).into_diagnostic()? + "\n"))?;
     }

@@ -45,7 +45,11 @@ pub(super) fn describe(path: &Path) -> Result<String, InspectError> {
     }
     let over: Vec<String> = list(&report["unexplained"]["depends_on"]).map(word).collect();
     if !over.is_empty() {
-        text += &format!("  what is left depends on {}\n", over.join(", "));
+        text += &format!("  what effects leave depends on {}\n", over.join(", "));
+    }
+    for table in list(&report["tables"]) {
+        let (over, joint) = (word(&table["over"]), word(&table["joint"]));
+        text += &format!("  in the robot, a measured table over {over}, on {joint}\n");
     }
     let error = |model: &str| number(&report[model]["heldout"]["rmse"]["overall"]);
     text += &format!(

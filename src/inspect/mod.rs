@@ -17,6 +17,8 @@ use std::path::{Path, PathBuf};
 use miette::{Diagnostic, Report};
 use thiserror::Error;
 
+use omniwalk_sim2real::identify::is_unfinished;
+
 use crate::config::Layers;
 use crate::files;
 use crate::report::html::HEAD;
@@ -47,6 +49,9 @@ enum InspectError {
     Io { path: PathBuf, why: std::io::Error },
     #[error("{}: {why}", .path.display())]
     Damaged { path: PathBuf, why: String },
+    #[error("{} holds what an identification came to before it was interrupted, and no result yet", .0.display())]
+    #[diagnostic(help("the same `omniwalk identify` goes on from there"))]
+    Unfinished(PathBuf),
     #[error("{} is none of the files omniwalk knows", .0.display())]
     #[diagnostic(help(
         "it knows robots (.urdf, or a folder with one), run folders and the folders in them, policies (.omni), checkpoints \
@@ -122,7 +127,9 @@ fn kind(path: &Path) -> Result<Kind, InspectError> {
     };
     let unknown = || InspectError::Unknown(path.to_owned());
     if std::fs::metadata(path).map_err(io)?.is_dir() {
-        return folder_kind(path).map_err(io)?.ok_or_else(unknown);
+        let unfinished = || InspectError::Unfinished(path.to_owned());
+        let or_not = || if is_unfinished(path) { unfinished() } else { unknown() };
+        return folder_kind(path).map_err(io)?.ok_or_else(or_not);
     }
     let mut start = Vec::new();
     files::open(path)

@@ -77,6 +77,18 @@ pub fn said(verdict: Verdict) -> String {
     name.as_str().unwrap_or_default().replace('_', " ")
 }
 
+/// What something unexplained is a share of, in words.
+pub fn left_by(outcome: &Outcome) -> &'static str {
+    match (
+        outcome.accepted.is_empty() && outcome.alternatives.is_empty(),
+        outcome.tables.is_empty(),
+    ) {
+        (true, _) => "re-tuning leaves",
+        (false, true) => "is left",
+        (false, false) => "is left without a table",
+    }
+}
+
 /// A figure in three digits.
 pub fn figure(value: f64) -> String {
     match value.abs() {
@@ -310,8 +322,9 @@ fn left(outcome: &Outcome, out: &mut String) {
         };
         let _ = writeln!(
             out,
-            "<p class=\"warning\">Unexplained: {:.0} % of what is left, over {}.</p>",
+            "<p class=\"warning\">Unexplained: {:.0} % of what {}, over {}.</p>",
             100.0 * outcome.unexplained.fraction,
+            left_by(outcome),
             escaped(over)
         );
     }

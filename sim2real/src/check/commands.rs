@@ -55,7 +55,9 @@ impl Findings {
         let followed = check.following.filter(|relation| !is_flipped(relation));
         if let Some(near) = followed {
             let relation = followed_far(record, near);
-            let late = near.lag_leaves() < REMARKED || relation.lag_leaves() < REFUSED;
+            // A servo that gives way answers in a shape of its own, which goes best with another time.
+            let stiff = FOLLOWS.contains(&near.ratio);
+            let late = (stiff && near.lag_leaves() < REMARKED) || relation.lag_leaves() < REFUSED;
             if late && relation.best_correlation > 0.9 {
                 self.lag(&relation, at);
             }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Check, Finding, JointCheck};
+use super::{Check, Finding, JointCheck, LogCheck};
 
 /// Joints, over all logs, that are listed; the report holds all.
 const LISTED: usize = 60;
@@ -20,10 +20,11 @@ impl fmt::Display for Check {
             }
             writeln!(
                 f,
-                "{}: {} s, joints: {}",
+                "{}: {} s, joints: {}{}",
                 log.name,
                 fixed(log.seconds, 2),
-                log.joints.len()
+                log.joints.len(),
+                stamps(log)
             )?;
             for joint in log.joints.iter().take(left) {
                 row(f, joint)?;
@@ -41,6 +42,21 @@ impl fmt::Display for Check {
         }
         Ok(())
     }
+}
+
+/// By how much the stamps of a log's topics lie before log time; their differences are what clocks are apart.
+fn stamps(log: &LogCheck) -> String {
+    let known = log
+        .clocks
+        .iter()
+        .filter_map(|(topic, before)| Some((topic, (*before)?)));
+    let known: Vec<String> = known
+        .map(|(topic, before)| format!("{topic} {}", fixed(1000.0 * before, 1)))
+        .collect();
+    if known.is_empty() {
+        return String::new();
+    }
+    format!("; stamps before log time, ms: {}", known.join(", "))
 }
 
 fn row(f: &mut fmt::Formatter<'_>, joint: &JointCheck) -> fmt::Result {

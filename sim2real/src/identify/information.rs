@@ -1,4 +1,4 @@
-//! What logs can tell of the nominal model before anything is fitted: the Fisher information of its parameters.
+//! What logs can tell of the nominal model: the Fisher information of its parameters.
 //!
 //! With encoders whose noise is white, no estimate without bias spreads less than the inverse of the information allows
 //! (Cramér and Rao). Real residuals are neither white nor small: intervals of what was fitted are wider.
@@ -33,12 +33,14 @@ pub struct Information {
     pub deviation: Option<f64>,
 }
 
-/// The information that `data` hold about the parameters of `nominal`. Sets the weights of the data.
-pub fn information(robot: &Robot, data: &mut Data, nominal: &Model, scales: &Scales) -> Vec<Information> {
+/// The information that `data` hold about the parameters that `model` has of the nominal one, at its values.
+pub fn information(robot: &Robot, data: &mut Data, model: &Model, scales: &Scales) -> Vec<Information> {
     let weight = |d: usize| 1.0 / noise::sensor(&data.trials, d).max(QUIETEST * scales.joints[d].position);
-    data.weights = (0..robot.dofs.len()).map(weight).collect();
-    let n = nominal.tuned.len();
-    let (_, slopes) = data.slopes(nominal, scales);
+    let by_noise = (0..robot.dofs.len()).map(weight).collect();
+    let weights = std::mem::replace(&mut data.weights, by_noise);
+    let n = model.tuned.len();
+    let (_, slopes) = data.slopes(model, scales);
+    data.weights = weights;
     let (_, fisher) = sum(&slopes, &|_| true, n);
     let told = told(&fisher);
     let small = DMatrix::from_fn(told.len(), told.len(), |a, b| fisher[(told[a], told[b])]);
@@ -46,7 +48,7 @@ pub fn information(robot: &Robot, data: &mut Data, nominal: &Model, scales: &Sca
     let deviation = |i: usize| {
         let at = told.iter().position(|&own| own == i)?;
         let variance = inverse.as_ref()?[(at, at)];
-        Some(variance.max(0.0).sqrt() * nominal.tuned[i].nominal)
+        Some(variance.max(0.0).sqrt() * model.tuned[i].nominal)
     };
     let of = |(i, tuned): (usize, &super::model::Tuned)| {
         let joint = robot.dof(tuned.dof);
@@ -58,7 +60,7 @@ pub fn information(robot: &Robot, data: &mut Data, nominal: &Model, scales: &Sca
             deviation: deviation(i),
         }
     };
-    nominal.tuned.iter().enumerate().map(of).collect()
+    model.tuned.iter().enumerate().map(of).collect()
 }
 
 /// What cannot be told, for the terminal; empty where all can.

@@ -2,6 +2,7 @@
 
 use omniwalk_env::engine::EngineError;
 use omniwalk_env::robot::Robot;
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 use super::cross::Folds;
 use super::fit::Data;
@@ -23,7 +24,7 @@ pub struct Lacking {
 }
 
 /// What predicts a torque.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Predicted {
     /// The variable's name.
     pub by: String,
@@ -53,6 +54,17 @@ impl Lacking {
     pub fn root(&self) -> Option<f64> {
         let squares: f64 = self.moments.iter().map(|m| m.torque * m.torque).sum();
         (!self.moments.is_empty()).then(|| (squares / self.moments.len() as f64).sqrt())
+    }
+}
+
+/// In reports: joint, root mean square, and what predicts it; pages have the torque over time.
+impl Serialize for Lacking {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_struct("Lacking", 3)?;
+        fields.serialize_field("joint", &self.joint)?;
+        fields.serialize_field("rms", &self.root())?;
+        fields.serialize_field("predicted", &self.predicted)?;
+        fields.end()
     }
 }
 

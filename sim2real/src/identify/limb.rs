@@ -52,8 +52,7 @@ pub fn find(
     data.journal = Some(Arc::clone(&search.journal));
     let folds = Folds::new(&data);
     let nominal = Model::nominal(robot, &data.trials);
-    let information = information::information(robot, &mut data, &nominal, &scales);
-    let untold = information::untold(&information);
+    let untold = information::untold(&information::information(robot, &mut data, &nominal, &scales));
     if !untold.is_empty() {
         log(&format!("these logs cannot tell {untold}"));
     }
@@ -65,6 +64,8 @@ pub fn find(
         log,
     }
     .choose(&mut data, &nominal)?;
+    // Far from the logs the nominal model may be at limits that the machine never met.
+    let information = information::information(robot, &mut data, &selection.refit.model, &scales);
     let selector = Selector {
         limbs: search.limbs,
         ..Selector::new(robot, &data, &scales, &folds, &floor)

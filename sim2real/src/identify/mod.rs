@@ -21,6 +21,7 @@ mod contact;
 mod cross;
 mod cut;
 mod descent;
+mod exchanged;
 mod fit;
 mod floor;
 mod found;
@@ -154,11 +155,12 @@ pub struct Replay {
 /// # Errors
 /// [`IdentifyError`] when logs and robot do not fit together.
 pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError> {
-    let check = Check::new(logs, robot);
+    let mut check = Check::new(logs, robot);
     let trials = split::all(robot, logs)?;
     let scales = Scales::new(robot, &trials);
     let mut data = Data::new(robot, trials)?;
     data.fit_starts(&Model::default())?;
+    check.refusals.extend(exchanged::exchanged(robot, logs, &check)?);
     Ok(Replay {
         check,
         measure: outcome::measured(robot, &Model::default(), &data.trials, 1)?,
@@ -175,7 +177,10 @@ pub fn replay(robot: &Robot, logs: &[Recording]) -> Result<Replay, IdentifyError
 /// the outcome says so.
 pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError> {
     let robot = task.robot;
-    let check = Check::new(&task.logs, robot);
+    let mut check = Check::new(&task.logs, robot);
+    if check.usable() {
+        check.refusals = exchanged::exchanged(robot, &task.logs, &check)?;
+    }
     log(check.to_string().trim_end());
     let refusals: Vec<String> = check.refusals.iter().map(ToString::to_string).collect();
     if !refusals.is_empty() {

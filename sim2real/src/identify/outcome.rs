@@ -308,7 +308,8 @@ fn tables(parts: &Parts<'_>) -> Vec<MeasuredTable> {
         joint: parts.robot.dof(term.target).name.clone(),
         over: table.axes[0].0.name(),
         friction: table.friction,
-        points: table.axes[0].1.len(),
+        grid: table.axes[0].1.clone(),
+        values: term.values.clone(),
     });
     said.collect()
 }

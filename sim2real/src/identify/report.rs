@@ -136,8 +136,10 @@ pub struct MeasuredTable {
     pub over: &'static str,
     /// Whether it is a dry friction, against the motion, or a torque.
     pub friction: bool,
-    /// Its points.
-    pub points: usize,
+    /// Its points: rad or m, rad/s or m/s, N m or N, by what it is over.
+    pub grid: Vec<f64>,
+    /// N m or N at each.
+    pub values: Vec<f64>,
 }
 
 impl fmt::Display for MeasuredTable {
@@ -146,7 +148,9 @@ impl fmt::Display for MeasuredTable {
         write!(
             f,
             "a measured table of {what} over {} at {} points, on {}",
-            self.over, self.points, self.joint
+            self.over,
+            self.grid.len(),
+            self.joint
         )
     }
 }
@@ -175,7 +179,7 @@ pub struct Outcome {
     pub reasons: Vec<String>,
     /// What the logs can carry, looked at before anything else.
     pub check: Check,
-    /// What they can tell of the nominal model's parameters.
+    /// What they can tell of the nominal model's parameters, about their re-tuned values.
     pub information: Vec<Information>,
     /// The robot as given.
     pub nominal: Sets,
@@ -220,8 +224,7 @@ pub struct Outcome {
     /// Pieces of the logs that were fitted, then of those held out.
     #[serde(skip)]
     pub trials: [Vec<Trial>; 2],
-    /// What the last model lacks, of every joint.
-    #[serde(skip)]
+    /// What the last model lacks, of every joint, before tables.
     pub lacking: Vec<super::Lacking>,
     /// Why no held-out log could be compared, if so.
     #[serde(skip)]

@@ -93,7 +93,9 @@ impl Metrics {
         self.columns = names.map(str::to_owned).collect();
         match first {
             Some("step") => Ok(()),
-            _ => Err("the first column of a run's metrics is `step`"),
+            _ => Err(
+                "the first column of a run's metrics is `step`; of a log in CSV `omniwalk replay` says what it holds, by a column map (--map)",
+            ),
         }
     }
 
