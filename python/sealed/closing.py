@@ -51,6 +51,7 @@ class Closing:
         name = name_of(MACHINE, seed)
         target = results / f"{name}.json"
         if target.exists():
+            print(f"{target} is there already", flush=True)
             return
         folder = self.out / name
         folder.mkdir(parents=True, exist_ok=True)

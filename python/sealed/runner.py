@@ -27,6 +27,7 @@ def run(chosen: list[tuple[str, int]], program: list[str], out: Path, results: P
     for machine, seed in chosen:
         target = results / f"{machine}-{seed:04d}.json"
         if target.exists():
+            print(f"{target} is there already", flush=True)
             continue
         found = out / "found" / target.stem
         result = identify(cases.ensure(machine, seed, out), program, found, limit)

@@ -107,7 +107,9 @@ def main() -> None:
     if "OMNIWALK_SHARED" in os.environ:
         for name, task in cases(Path(os.environ["OMNIWALK_SHARED"]) / "data").items():
             target = results / (name.replace(",", "").replace(" ", "-") + ".json")
-            if not target.exists():
+            if target.exists():
+                print(f"{target} is there already", file=sys.stderr)
+            else:
                 draft = target.with_suffix(".draft")
                 result = identify(*task, target.with_suffix(".png"))
                 draft.write_text(json.dumps({"name": name, **result}, indent=1) + "\n")

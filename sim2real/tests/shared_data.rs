@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use omniwalk_env::robot::load;
 use omniwalk_sim2real::check::Check;
-use omniwalk_sim2real::identify::{Task, Verdict, replay, run};
+use omniwalk_sim2real::identify::{Outcome, Task, Verdict, replay, run};
 use omniwalk_sim2real::recording::{Map, Recording, read};
 
 /// What is in a folder of the measured logs; `None` without it, and says so.
@@ -129,27 +129,47 @@ fn nominal_models_follow_the_measured_logs_as_far_as_the_documentation_says() {
     }
 }
 
+/// What comes of the logs of a robot of the repository's; the robot that is written can be read.
+fn identified(robot: &str, logs: Vec<Recording>, heldout: Option<Vec<Recording>>) -> Outcome {
+    let folder = robot_folder(robot);
+    let robot = load(&folder).unwrap();
+    let out = tempfile::tempdir().unwrap();
+    let open = || Ok(heldout.clone().unwrap_or_default());
+    let task = Task {
+        robot: &robot,
+        files: omniwalk_env::robot::files(&folder).unwrap(),
+        logs,
+        heldout: heldout.is_some().then_some(&open),
+        compare: false,
+        out: out.path(),
+    };
+    let outcome = run(&task, &|_| {}).unwrap();
+    assert!(load(&out.path().join("robot")).is_ok());
+    outcome
+}
+
+#[test]
+fn friction_that_the_axis_shows_is_missing_in_its_model() {
+    let Some(logs) = recordings("emps", "emps.toml") else {
+        return;
+    };
+    let outcome = identified("emps", logs, None);
+    // Which kind of it these logs do not tell.
+    assert_eq!(outcome.verdict, Verdict::Indistinguishable);
+    let set = &outcome.indistinguishable[0];
+    assert!(set.contains(&"coulomb_friction".to_owned()), "{set:?}");
+    assert!(outcome.last.heldout.overall() < 0.6 * outcome.refit.heldout.overall());
+}
+
 #[test]
 fn a_measured_servo_is_identified_and_what_is_left_is_said() {
     let Some(logs) = recordings("bam_sts3250", "bam_sts3250.toml") else {
         return;
     };
-    let folder = robot_folder("sts3250_rig");
-    let robot = load(&folder).unwrap();
     let (heldout, logs): (Vec<Recording>, Vec<Recording>) = logs
         .into_iter()
         .partition(|log| log.groups["trajectory"] == "sin_time_square");
-    let out = tempfile::tempdir().unwrap();
-    let open = || Ok(heldout.clone());
-    let task = Task {
-        robot: &robot,
-        files: omniwalk_env::robot::files(&folder).unwrap(),
-        logs,
-        heldout: Some(&open),
-        compare: false,
-        out: out.path(),
-    };
-    let outcome = run(&task, &|_| {}).unwrap();
+    let outcome = identified("sts3250_rig", logs, Some(heldout));
     assert_eq!(outcome.verdict, Verdict::Unexplained);
     let [nominal, refit, last] = [&outcome.nominal, &outcome.refit, &outcome.last].map(|sets| sets.fit.overall());
     // What the logs do not tell is as in the nominal model, where that is worse by less than a thousandth.
@@ -158,5 +178,4 @@ fn a_measured_servo_is_identified_and_what_is_left_is_said() {
         "{nominal} {refit} {last}"
     );
     assert!(outcome.lacking[0].names.contains(&"temperature".to_owned()));
-    assert!(load(&out.path().join("robot")).is_ok());
 }
