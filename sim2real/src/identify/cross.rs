@@ -19,6 +19,9 @@ const DAMPINGS: [f64; 3] = [1e-3, 0.1, 10.0];
 const STRONGER: [f64; 3] = [1e2, 1e3, 1e5];
 /// Numbers of the weakest damping that is allowed: one of these, the same in every fold.
 const HELD: [usize; 2] = [0, 1];
+/// A number of the nominal model is held without a fold that has all but this share of what the logs tell of it: a limit that is reached there
+/// alone has next to no slope elsewhere, and a step along that ends anywhere.
+const TOLD: f64 = 0.1;
 /// A loss within this share of the least is as good: the strongest damping of those, as a step that gains the logs it is made from no
 /// more than that is theirs alone.
 const AS_GOOD: f64 = 0.01;
@@ -140,9 +143,19 @@ impl Folds {
     /// parabola, as it is where joints stick, the step is damped as strongly as suits the others. What is far off counts less.
     pub fn cross(&self, data: &Data, fit: &Fit, scales: &Scales) -> Vec<Loss> {
         let (x, free) = (fit.model.get(scales), fit.model.free(scales));
+        let (_, whole) = sum(&fit.slopes, &|_| true, x.len());
+        let tuned = fit.model.tuned.iter().filter(|tuned| !tuned.held).count();
         let without = |fold: usize, dampings: &[f64]| -> Vec<Model> {
             let used = |b: usize| self.trains(b, fold);
-            let (gradient, curvature) = sum(&fit.slopes, &used, x.len());
+            let (mut gradient, mut curvature) = sum(&fit.slopes, &used, x.len());
+            for i in 0..tuned {
+                if curvature[(i, i)] >= TOLD * whole[(i, i)] {
+                    continue;
+                }
+                gradient[i] = 0.0;
+                curvature.row_mut(i).fill(0.0);
+                curvature.column_mut(i).fill(0.0);
+            }
             let step = |&damping: &f64| fit.model.at(&newton(&x, &free, &gradient, &curvature, damping), scales);
             dampings.iter().map(step).collect()
         };

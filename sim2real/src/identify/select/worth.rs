@@ -54,15 +54,22 @@ impl Selector<'_> {
             return false;
         }
         let beyond = self.beyond_negligible(&before.cross);
-        let (least, counts): (_, &dyn Fn(usize) -> bool) = if beyond.contains(&true) {
-            (WORTH_OF_GAP, &|d| beyond[d])
-        } else {
-            (WORTH_OF_LITTLE, &|_| true)
+        let takes = |share: f64, counts: &dyn Fn(usize) -> bool| {
+            let [loss, left] = [&before.cross, &after.cross].map(|losses| self.sum_of(losses, counts));
+            let dofs = self.floors.iter().enumerate().filter(|(d, _)| counts(*d));
+            let gap = loss - dofs.map(|(_, floor)| floor).sum::<f64>();
+            loss - left >= share * gap
         };
-        let [loss, left] = [&before.cross, &after.cross].map(|losses| self.sum_of(losses, counts));
-        let dofs = self.floors.iter().enumerate().filter(|(d, _)| counts(*d));
-        let gap = loss - dofs.map(|(_, floor)| floor).sum::<f64>();
-        gain.share >= WORTH && loss - left >= least * gap
+        let enough = if beyond.contains(&true) {
+            takes(WORTH_OF_GAP, &|d| beyond[d])
+        } else {
+            // Of one joint: what others leave above their floors is none of its effect's.
+            let above = |d: &usize| self.sum_of(&before.cross, |own| own == *d) > ABOVE_FLOOR * self.floors[*d];
+            (0..self.floors.len())
+                .filter(above)
+                .any(|joint| takes(WORTH_OF_LITTLE, &|d| d == joint))
+        };
+        gain.share >= WORTH && enough
     }
 
     /// Sum of losses by block and degree of freedom over those degrees of freedom that `counts` names.
