@@ -142,21 +142,8 @@ impl Folds {
     /// to all blocks, which is where the fit to the others ends, to second order, and a rollout of that. Where the loss is far from a
     /// parabola, as it is where joints stick, the step is damped as strongly as suits the others. What is far off counts less.
     pub fn cross(&self, data: &Data, fit: &Fit, scales: &Scales) -> Vec<Loss> {
-        let (x, free) = (fit.model.get(scales), fit.model.free(scales));
-        let (_, whole) = sum(&fit.slopes, &|_| true, x.len());
-        let tuned = fit.model.tuned.iter().filter(|tuned| !tuned.held).count();
         let without = |fold: usize, dampings: &[f64]| -> Vec<Model> {
-            let used = |b: usize| self.trains(b, fold);
-            let (mut gradient, mut curvature) = sum(&fit.slopes, &used, x.len());
-            for i in 0..tuned {
-                if curvature[(i, i)] >= TOLD * whole[(i, i)] {
-                    continue;
-                }
-                gradient[i] = 0.0;
-                curvature.row_mut(i).fill(0.0);
-                curvature.column_mut(i).fill(0.0);
-            }
-            let step = |&damping: &f64| fit.model.at(&newton(&x, &free, &gradient, &curvature, damping), scales);
+            let step = |&damping: &f64| self.step_without(fit, scales, fold, damping);
             dampings.iter().map(step).collect()
         };
         let models: Vec<_> = (0..self.count).flat_map(|fold| without(fold, &DAMPINGS)).collect();
@@ -169,6 +156,24 @@ impl Folds {
             .into_iter()
             .min_by(|a, b| total(a).total_cmp(&total(b)));
         best.unwrap_or_default()
+    }
+
+    /// The damped step from `fit` to the fit without `fold`.
+    fn step_without(&self, fit: &Fit, scales: &Scales, fold: usize, damping: f64) -> Model {
+        let x = fit.model.get(scales);
+        let (_, whole) = sum(&fit.slopes, &|_| true, x.len());
+        let (mut gradient, mut curvature) = sum(&fit.slopes, &|b| self.trains(b, fold), x.len());
+        let tuned = fit.model.tuned.iter().filter(|tuned| !tuned.held).count();
+        for i in 0..tuned {
+            if curvature[(i, i)] >= TOLD * whole[(i, i)] {
+                continue;
+            }
+            gradient[i] = 0.0;
+            curvature.row_mut(i).fill(0.0);
+            curvature.column_mut(i).fill(0.0);
+        }
+        let stepped = newton(&x, &fit.model.free(scales), &gradient, &curvature, damping);
+        fit.model.at(&stepped, scales)
     }
 
     /// Puts, for each fold without which every step of [`DAMPINGS`] leads uphill, the weakest of `stronger` steps that does not in their place.
@@ -293,6 +298,37 @@ mod tests {
         losses.clone_from(&before);
         folds.mend_uphill(&data, &fit, &mut losses, &|_| vec![far.clone(); STRONGER.len()]);
         assert_eq!(squares(&losses), squares(&before));
+    }
+
+    #[test]
+    fn a_number_that_only_a_fold_tells_is_held_without_it() {
+        let robot = robot("kp = 30.0\nkd = 1.0\n");
+        let data = swings(
+            &robot,
+            3,
+            Lengths {
+                block: 1.0,
+                piece: 60.0,
+            },
+        );
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let nominal = Model::nominal(&robot, &data.trials);
+        let mut fit = data.fit(&nominal, &scales, &|_| true);
+        // The others have next to no slope along the first number, and a step along that leads far.
+        for (block, slope) in fit.slopes.iter_mut().enumerate() {
+            if folds.of_block[block] != 0 {
+                let little = 1e-6 * slope.curvature[(0, 0)];
+                slope.curvature.row_mut(0).fill(0.0);
+                slope.curvature.column_mut(0).fill(0.0);
+                (slope.curvature[(0, 0)], slope.gradient[0]) = (little, little);
+            }
+        }
+        let moved = |fold: usize| {
+            let stepped = folds.step_without(&fit, &scales, fold, DAMPINGS[0]);
+            (stepped.get(&scales)[0] - fit.model.get(&scales)[0]).abs()
+        };
+        assert_eq!(moved(0), 0.0);
+        assert!((1..folds.count).all(|fold| moved(fold) > 0.0));
     }
 
     #[test]

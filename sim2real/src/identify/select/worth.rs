@@ -181,10 +181,52 @@ mod tests {
     use super::super::super::cross::Folds;
     use super::super::super::cut::Lengths;
     use super::super::super::floor::Floor;
-    use super::super::super::hinge::{robot, swings};
+    use super::super::super::hinge::{chain, robot, swings};
     use super::super::super::model::Model;
     use super::super::super::scales::Scales;
     use super::*;
+
+    #[test]
+    fn an_effect_takes_half_of_what_is_negligible_at_its_own_joint() {
+        let robot = chain(&["upper", "lower"], "kp = 30.0\nkd = 1.0\n");
+        let data = swings(
+            &robot,
+            2,
+            Lengths {
+                block: 0.5,
+                piece: 60.0,
+            },
+        );
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let nominal = Model::nominal(&robot, &data.trials);
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let mut selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        (selector.floors, selector.negligible) = (vec![100.0, 100.0], vec![200.0, 200.0]);
+        let fit = data.fit(&nominal, &scales, &|_| true);
+        let blocks = data.blocks as f64;
+        // Losses of each joint, in units of its floor; what is fitted falls with what is predicted.
+        let judged = |joints: [f64; 2]| {
+            let loss = |own: f64| Loss {
+                squares: 100.0 * own / blocks,
+                count: 1.0,
+            };
+            let mut fit = fit.clone();
+            fit.losses = vec![loss(joints[0] + joints[1]); data.blocks];
+            let cross = (0..data.blocks).flat_map(|_| joints.map(loss)).collect();
+            Judged { fit, cross }
+        };
+        let is_worth = |before: [f64; 2], after: [f64; 2]| {
+            let (before, after) = (judged(before), judged(after));
+            selector.worth(&before, &after, &folds.gain(&before.cross, &after.cross))
+        };
+        assert!(is_worth([2.5, 2.5], [1.6, 2.5]), "three fifths of its gap");
+        assert!(!is_worth([2.5, 2.5], [1.9, 2.5]), "two fifths of it");
+        assert!(
+            !is_worth([1.4, 1.4], [1.0, 1.4]),
+            "of a joint that leaves no more than noise"
+        );
+        assert!(is_worth([3.5, 3.5], [3.0, 3.5]), "a fifth of what is not negligible");
+    }
 
     #[test]
     fn a_hold_is_where_a_joint_sticks_elsewhere_and_nowhere_else() {
