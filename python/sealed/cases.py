@@ -8,12 +8,20 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
-    *(("rig", seed) for seed in range(800, 872)),
-    *(("leg", seed) for seed in range(900, 924)),
-    *(("walk", seed) for seed in range(800, 808)),
+    *(("rig", seed) for seed in range(900, 972)),
+    *(("leg", seed) for seed in range(928, 952)),
+    *(("walk", seed) for seed in range(900, 908)),
 ]
-"""Machine and seed; to be run once, after the procedure is frozen. Rigs and walks are those of the list of the eighth freeze, as what has
-changed since is of robots with several joints whose base is held; of robots that walk only what is fitted again in an effect's place."""
+"""Machine and seed; to be run once, after the procedure is frozen."""
+
+NINTH = [
+    *(("rig", seed) for seed in range(800, 872)),
+    *(("leg", seed) for seed in range(901, 910)),
+    *(("walk", seed) for seed in (800, 801, 802, 804, 805)),
+]
+"""Those of the fixed list of the procedure as it was frozen for the ninth time that were run before they showed ripples too slow to be begun at their
+frequency (leg 906), folds that let numbers go which they alone tell (rig 865) and an effect that had to make up for other joints' noise (leg 901), and
+the procedure was changed. Its rigs and walks were the eighth's, as what had changed since was of robots with several joints whose base is held."""
 
 EIGHTH = [("leg", seed) for seed in (*range(800, 818), 820, 824, 828)]
 """The legs of the fixed list of the procedure as it was frozen for the eighth time that were run before they showed effects that were never fitted
@@ -68,8 +76,8 @@ REHEARSAL = [
 """What the procedure was worked out on: no measure of it."""
 
 LISTS = {
-    **{"fixed": FIXED, "eighth": EIGHTH, "seventh": SEVENTH, "sixth": SIXTH, "fifth": FIFTH, "fourth": FOURTH},
-    **{"third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL},
+    **{"fixed": FIXED, "ninth": NINTH, "eighth": EIGHTH, "seventh": SEVENTH, "sixth": SIXTH, "fifth": FIFTH},
+    **{"fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL},
 }
 
 
