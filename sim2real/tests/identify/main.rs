@@ -311,8 +311,8 @@ fn friction_that_grows_while_a_log_lasts_is_a_table_over_time() {
     assert!(named.is_empty(), "{named:?}");
     let closed = outcome.gap_closed.expect("a gap");
     assert!(
-        closed > 0.8,
-        "a table of it goes into the robot, and closes {closed} of the gap"
+        closed > 0.6,
+        "a table of it goes into the robot, and closes {closed} of the gap; six tenths are asked of what is in no library"
     );
 }
 
