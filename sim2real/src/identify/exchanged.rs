@@ -42,7 +42,9 @@ pub fn exchanged(robot: &Robot, logs: &[Recording], check: &Check) -> Result<Vec
             .flat_map(|(i, a)| far[i + 1..].iter().map(move |b| (a, b)));
         let mut best: Option<(f64, Finding)> = None;
         for (a, b) in pairs {
-            let both = |errors: &Errors| errors[*a].hypot(errors[*b]);
+            // Of a joint without a reading there no error is known, and nothing is found.
+            let of = |errors: &Errors, joint: &str| errors.get(joint).copied().unwrap_or(f64::NAN);
+            let both = |errors: &Errors| of(errors, a).hypot(of(errors, b));
             let (before, after) = (both(&errors), both(&self::errors(robot, &with_exchanged(log, a, b))?));
             if after < LEFT * before && best.as_ref().is_none_or(|(share, _)| after / before < *share) {
                 best = Some((after / before, finding(log, (a, b), [before, after])));

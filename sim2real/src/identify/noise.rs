@@ -138,10 +138,9 @@ pub fn timing(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
         let robot = [robot.with(model)];
         let mut other = trial.clone();
         for told in &mut other.told {
-            told.command = told
-                .otherwise
-                .take()
-                .unwrap_or_else(|| std::mem::take(&mut told.command));
+            if let Some(otherwise) = told.otherwise.take() {
+                told.command = otherwise;
+            }
         }
         Ok((
             predict(trial, &robot, data.finer)?,
