@@ -11,6 +11,7 @@ use super::found::sums;
 use super::lacking::Lacking;
 use super::model::{Model, Term, joint_of};
 use super::noise;
+use super::ripples;
 use super::scales::Scales;
 use super::select::{Selection, Selector, Tabled, is_above};
 use super::torque::{self, Dependence, Moment};
@@ -68,7 +69,7 @@ pub fn ripples(data: &Data, model: &Model, scales: &Scales) -> Ripples {
     let Ok(moments) = torque::lacking(data, model, scales) else {
         return vec![Vec::new(); data.weights.len()];
     };
-    let of = |(d, own): (usize, &Vec<Moment>)| torque::ripples(own, scales.joints[d].position, RIPPLES);
+    let of = |(d, own): (usize, &Vec<Moment>)| ripples::ripples(own, scales.joints[d].position, RIPPLES);
     moments.iter().enumerate().map(of).collect()
 }
 

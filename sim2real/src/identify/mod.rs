@@ -46,6 +46,7 @@ mod own;
 mod past;
 mod rehearsed;
 mod report;
+mod ripples;
 mod rollout;
 mod rough;
 mod scales;
