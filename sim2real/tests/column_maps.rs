@@ -111,6 +111,7 @@ fn faults_in_files_are_named_with_line_and_column() {
     );
     let back = CSV.replace("1010", "990");
     let word = CSV.replace("91,", "fast,");
+    let infinite = CSV.replace("91,", "-inf,");
     let short = CSV.replace("180,true,1,7300", "180");
     let none = CSV.replace("knee.pos", "knee.angle");
     let changing = CSV.replace("a,sine,1010", "a,ramp,1010");
@@ -123,6 +124,13 @@ fn faults_in_files_are_named_with_line_and_column() {
     for (name, text, map, place, why) in [
         ("a.csv", back.as_str(), &csv, "line 5", "time goes backwards"),
         ("a.csv", &word, &csv, "line 5", "column `hip.pos`: `fast` is no number"),
+        (
+            "a.csv",
+            &infinite,
+            &csv,
+            "line 5",
+            "column `hip.pos`: `-inf` is no number",
+        ),
         ("a.csv", &short, &csv, "line 5", "the row ends before column"),
         ("a.csv", &none, &csv, "the first row", "no column `knee.pos`"),
         ("a.csv", &changing, &csv, "line 5", "`shape` changes from sine to ramp"),

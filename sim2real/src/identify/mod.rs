@@ -187,6 +187,8 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     if !refusals.is_empty() {
         return Ok(Outcome::insufficient(robot, refusals, check));
     }
+    // What another identification came to is refused before anything takes long.
+    let journal = opened(task, log)?;
     let mut split = split::split(robot, &task.logs, task.heldout.is_some())?;
     let mut reasons = split::insufficient(robot, &split.fit);
     if reasons.is_empty() {
@@ -198,7 +200,6 @@ pub fn run(task: &Task<'_>, log: &dyn Fn(&str)) -> Result<Outcome, IdentifyError
     for trial in &split.fit {
         trial.robot(robot)?;
     }
-    let journal = opened(task, log)?;
     let Some((found, fitted)) = search(task, &split, &journal, log)? else {
         return Ok(Outcome::insufficient(
             robot,

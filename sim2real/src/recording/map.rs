@@ -189,6 +189,11 @@ impl Map {
         Ok(())
     }
 
+    /// Whether it says what columns mean, which says nothing of an MCAP file.
+    pub(super) fn is_of_columns(&self) -> bool {
+        self.time.is_some() || self.voltage.is_some() || !self.joint.is_empty()
+    }
+
     /// Every column that holds numbers, once.
     pub(super) fn columns(&self) -> Vec<String> {
         let own = self

@@ -60,6 +60,10 @@ pub(super) fn read(path: &Path, name: String, map: Option<&Map>) -> Result<Recor
                 .map(move |(key, value)| (format!("{name}.{key}"), value.clone()))
         });
         label(path, map, &fields.collect(), None, &mut recording)?;
+        if map.is_of_columns() {
+            let note = "the map's columns say nothing of an MCAP file, whose topics and joints have names of their own: not used";
+            recording.notes.push(note.into());
+        }
     }
     Ok(recording)
 }

@@ -93,11 +93,11 @@ impl Table {
     }
 }
 
-/// The number in a cell: NaN for an empty one; `None` if it is none.
+/// The number in a cell: NaN for an empty one; `None` if it is none, or infinite.
 pub(super) fn number(text: &str) -> Option<f64> {
     match text.trim() {
         "" | "null" | "None" | "NA" | "-" => Some(f64::NAN),
-        text => text.parse().ok(),
+        text => text.parse().ok().filter(|number: &f64| !number.is_infinite()),
     }
 }
 

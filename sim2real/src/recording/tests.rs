@@ -108,6 +108,27 @@ fn stamps_of_a_robot_with_its_own_clock_are_aligned_by_log_time() {
 }
 
 #[test]
+fn a_map_labels_an_mcap_file_and_columns_that_it_has_none_of_are_remarked() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |time: u64| (time, Message::JointStates(joints(time, &[0.1])));
+    record(folder.path(), &[at(30 * MS), at(40 * MS)]).unwrap();
+    let labels = "[groups]\nload = { field = \"groups.gain\" }\n[overrides]\nkp = 0.5\n";
+    let columns = "[[joint]]\nnames = [\"hinge\"]\nposition = { column = \"knee\" }\n";
+    for (text, remarks) in [(labels.to_owned(), 0), (labels.to_owned() + columns, 1)] {
+        let map = Map::parse(&omniwalk_env::robot::Source {
+            file: "map.toml".into(),
+            text,
+        })
+        .unwrap();
+        let own = read(&folder.path().join("walk.mcap"), Some(&map)).unwrap().remove(0);
+        assert_eq!((own.groups["load"].as_str(), own.overrides["kp"]), ("low", 0.5));
+        let remarked = own.notes.iter().filter(|note| note.contains("the map's columns"));
+        assert_eq!(remarked.count(), remarks, "{:?}", own.notes);
+        assert!(own.joint("knee").is_some());
+    }
+}
+
+#[test]
 fn time_that_goes_backwards_and_overrides_that_cannot_be_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let at = |time: u64| (time, Message::JointStates(joints(time, &[0.1])));
