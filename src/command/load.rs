@@ -100,13 +100,6 @@ pub fn writable(outputs: &[&Path], inputs: &[&Path]) -> miette::Result<()> {
             .wrap_err_with(|| format!("cannot write {}", output.display()))?;
         // Of a robot's folder, its URDF and TOML are read.
         let of_robot = |input: &PathBuf| input.is_dir() && own.starts_with(input) && is_robot_file(&own);
-        if own.parent().is_some_and(|folder| !folder.is_dir()) {
-            return Err(miette!(
-                help = "make that folder, or write to one that is there",
-                "cannot write {}: there is no such folder",
-                output.display()
-            ));
-        }
         let why = if read.iter().any(|input| *input == own || of_robot(input)) {
             "would be written over what is read"
         } else if written.contains(&own) {

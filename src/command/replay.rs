@@ -1,7 +1,7 @@
 //! `omniwalk replay`: how far a robot's simulation is from logs of the real one.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, miette};
 use omniwalk_sim2real::identify::{self, Replay};
@@ -9,6 +9,7 @@ use omniwalk_sim2real::recording;
 use serde_json::json;
 
 use super::load;
+use crate::files::can_write;
 use crate::report::identification::{self, figure};
 use crate::terminal::{say, tell};
 
@@ -41,11 +42,9 @@ pub struct Args {
 /// Whatever is wrong with logs, map or robot.
 pub fn run(args: &Args) -> miette::Result<()> {
     let inputs = args.logs.iter().chain(&args.map).chain([&args.robot]);
-    let outputs = args.json.iter().chain(&args.html);
-    load::writable(
-        &outputs.map(PathBuf::as_path).collect::<Vec<_>>(),
-        &inputs.map(PathBuf::as_path).collect::<Vec<_>>(),
-    )?;
+    let outputs: Vec<&Path> = args.json.iter().chain(&args.html).map(PathBuf::as_path).collect();
+    load::writable(&outputs, &inputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
+    outputs.iter().try_for_each(|file| can_write(file))?;
     let robot = load::held(&args.robot, args.stand)?;
     let map = args.map.as_deref().map(recording::Map::load).transpose()?;
     let recordings = load::recordings(&args.logs, map.as_ref())?;

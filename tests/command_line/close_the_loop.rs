@@ -220,7 +220,7 @@ fn results_of_a_replay_replace_nothing_that_was_read() {
         (&["--html", "map.toml"], "map.toml would be written over"),
         (&["--html", &toml], "robot.toml would be written over"),
         (&["--html", "."], ". is no file"),
-        (&["--json", "none/r.json"], "none/r.json: there is no such folder"),
+        (&["--json", "none/r.json"], "cannot write none/r.json"),
         (&["--html", "both", "--json", "./both"], "is given for two results"),
     ] {
         refuses_in(prepare, &[&replay[..], results].concat(), &[part]);
