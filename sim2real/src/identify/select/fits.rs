@@ -14,8 +14,8 @@ use super::worth::WORTH_OF_GAP;
 use super::{Attempted, Judged, LESSER, Selector, Steps, terms};
 
 impl Selector<'_> {
-    /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values predicts so much better that it is no accident, for
-    /// one of `count` such tests; the joint's other numbers are fitted with and without.
+    /// Whether re-tuning `own` of degree of freedom `dof` from their nominal values is needed, as more than noise is left of it otherwise, and
+    /// predicts so much better that it is no accident, for one of `count` such tests; the joint's other numbers are fitted with and without.
     pub fn retuning_helps(&self, fit: &Fit, dof: usize, own: &[Own], count: usize) -> bool {
         let judge = |nominal: &[Own]| {
             self.judge(
@@ -24,7 +24,9 @@ impl Selector<'_> {
             )
         };
         let (with, without) = (judge(&[]), judge(own));
-        self.is_better(&without, &with, count) && self.beyond_contact(&without, &with)
+        self.above_floor(&without.fit)[dof]
+            && self.is_better(&without, &with, count)
+            && self.beyond_contact(&without, &with)
     }
 
     /// The model with the effect `kind` on `target` in the place of `own` of degree of freedom `dof`, where that does what re-tuning those
@@ -160,6 +162,8 @@ mod tests {
     use super::super::super::cut::Lengths;
     use super::super::super::floor::Floor;
     use super::super::super::hinge::{chain, read, swings};
+    use super::super::super::leftover;
+    use super::super::super::model::Tuned;
     use super::super::super::scales::Scales;
     use super::*;
 
@@ -193,5 +197,38 @@ mod tests {
         let judged = judged[0].as_ref().expect("judged");
         let off = total(&judged.cross) / total(&before.cross) - 1.0;
         assert!(off.abs() < 1e-9, "it gains {off}");
+    }
+
+    #[test]
+    fn re_tuning_is_needed_where_more_than_noise_is_left_without_it() {
+        let robot = chain(&["upper", "lower"], "kp = 30.0\nkd = 1.0\ndamping = 0.1\n");
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let mut data = swings(&robot, 2, lengths);
+        let nominal = Model::nominal(&robot, &data.trials);
+        let soft = |tuned: &Tuned| (tuned.dof, tuned.own) == (1, Own::KpScale);
+        let mut truth = nominal.clone();
+        let stiffness = truth.tuned.iter_mut().find(|tuned| soft(tuned));
+        stiffness.expect("its stiffness").value *= 0.9;
+        read(&mut data, &truth);
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let mut selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        selector.negligible = vec![0.0; 2];
+        let fit = selector.fit(&nominal).fit;
+        let mut without = nominal.clone();
+        without.tuned.retain(|tuned| !soft(tuned));
+        let left = leftover::squares(&data, &selector.fit(&without).fit.model)[1];
+        // The nominal stiffness leaves so many times the floor.
+        for (times, is_needed) in [(2.0, true), (1.3, false)] {
+            selector.floors[1] = left / times;
+            assert_eq!(
+                selector.retuning_helps(&fit, 1, &[Own::KpScale], 2),
+                is_needed,
+                "{times}"
+            );
+        }
     }
 }

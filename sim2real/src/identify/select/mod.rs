@@ -257,7 +257,7 @@ impl<'a> Selector<'a> {
         let mut been = vec![terms(&steps.now.fit.model)];
         for stage in [Stage::Readings, Stage::All] {
             while steps.now.fit.model.terms.len() < MOST
-                && self.is_above_floor(&steps.now.fit)
+                && self.above_floor(&steps.now.fit).contains(&true)
                 && !self.is_coarse(&steps.now.fit.model)
             {
                 if !self.step(&mut steps, stage) {

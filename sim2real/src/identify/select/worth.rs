@@ -33,12 +33,11 @@ const STICKING: f64 = 2.0;
 const BEYOND_CONTACT: f64 = 2.0;
 
 impl Selector<'_> {
-    /// Whether `fit` leaves more than noise of a degree of freedom.
-    pub(super) fn is_above_floor(&self, fit: &Fit) -> bool {
+    /// Of which degrees of freedom `fit` leaves more than noise.
+    pub(super) fn above_floor(&self, fit: &Fit) -> Vec<bool> {
         let left = leftover::squares(self.data, &fit.model);
-        left.iter()
-            .zip(&self.floors)
-            .any(|(left, floor)| *left > ABOVE_FLOOR * floor)
+        let own = left.iter().zip(&self.floors);
+        own.map(|(left, floor)| *left > ABOVE_FLOOR * floor).collect()
     }
 
     /// Whether `after` predicts better than `before` by what is worth it, and beyond chance for the best of `count` in every limb.
