@@ -1,35 +1,76 @@
 //! Effects whose size the logs leave open down to none: they predict better, and still are no finding.
 
+use omniwalk_env::effect::Kind;
+
 use super::super::candidates;
 use super::super::descent::Descent;
 use super::super::fit::total;
 use super::super::interval;
-use super::super::model::Term;
+use super::super::model::{Model, Term};
 use super::{Selection, Selector};
+
+/// Greatest doubt of an effect whose size is certain.
+const CERTAIN: f64 = 1.0;
 
 impl Selector<'_> {
     /// Takes out, one by one, the effects of which every size has an interval that holds none, the least certain first: what is wrong with a
-    /// model beyond noise can be all there is to them. Sets of which they are one go with them. Whether any was.
+    /// model beyond noise can be all there is to them. One of a set gives way to another of it whose size is certain (how much friction
+    /// differs between the directions is open where one of them has none left; a constant torque that does the same is not); else the set
+    /// goes with it. Whether any was taken out.
     pub fn drop_doubtful(&self, selection: &mut Selection) -> bool {
         let before = selection.last.model.terms.len();
-        while let Some(i) = self.least_certain(selection) {
+        let mut doubted = Vec::new();
+        while let Some(i) = least_certain(&self.doubts(&selection.last.model)) {
+            let Term { kind, target, .. } = selection.last.model.terms[i];
+            doubted.push((kind, target));
+            if self.give_way(selection, i, &doubted) {
+                continue;
+            }
             let mut model = selection.last.model.clone();
-            let Term { kind, target, .. } = model.terms.remove(i);
-            let doubted = |term: &Term| (term.kind, term.target) == (kind, target);
+            model.terms.remove(i);
             let mut without = self.fit(&model).fit;
             // What was re-tuned beside an effect may be in a lesser minimum than what was re-tuned alone.
             if model.terms.is_empty() && total(&selection.refit.losses) < total(&without.losses) {
                 without = selection.refit.clone();
             }
-            selection.take_out(&doubted, without, "its 95 % interval holds no effect at all");
+            let is_doubted = |term: &Term| (term.kind, term.target) == (kind, target);
+            selection.take_out(&is_doubted, without, "its 95 % interval holds no effect at all");
         }
         selection.last.model.terms.len() < before
     }
 
-    fn least_certain(&self, selection: &Selection) -> Option<usize> {
+    /// Puts another of the set that term `i` of the last model stands for in its place: the first that is none of `doubted` and whose size is
+    /// certain there. False where there is none.
+    fn give_way(&self, selection: &mut Selection, i: usize, doubted: &[(Kind, usize)]) -> bool {
+        let term = &selection.last.model.terms[i];
+        let Some(set) = selection
+            .alike
+            .iter_mut()
+            .find(|set| set.chosen == (term.kind, term.target))
+        else {
+            return false;
+        };
+        for (k, other) in set.others.iter().enumerate().filter(|(_, own)| !doubted.contains(own)) {
+            let mut model = selection.last.model.clone();
+            let there = &set.models[k];
+            model.tuned.clone_from(&there.tuned);
+            model.terms[i].clone_from(there.term(other.0, other.1).unwrap_or(term));
+            let fit = self.fit(&model).fit;
+            if self.doubts(&fit.model)[i].is_some_and(|doubt| doubt <= CERTAIN) {
+                let gone = std::mem::replace(&mut selection.last, fit);
+                set.values[k].clone_from(&gone.model.terms[i].values);
+                (set.models[k], set.others[k], set.chosen) = (gone.model, set.chosen, *other);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// How doubtful each effect of `model` is ([`doubt`]).
+    fn doubts(&self, model: &Model) -> Vec<Option<f64>> {
         // How an effect departs from its simplest form names nothing: towards none of it that says ever less, so that its size, with that left
         // open, would reach down to none whatever the logs tell (friction that grows with the load's square as well as with the load).
-        let mut model = selection.last.model.clone();
+        let mut model = model.clone();
         for term in &mut model.terms {
             let finer = candidates::refinements(term.kind).concat();
             term.free.retain(|number| !finer.contains(number));
@@ -37,12 +78,16 @@ impl Selector<'_> {
         let fit = Descent::new(self.data, &model, self.scales).fit;
         let halves = interval::intervals(self, &fit);
         let halves: Vec<f64> = halves.iter().map(|half| half.most).collect();
-        let doubts = model.terms.iter().enumerate().filter_map(|(i, term)| {
-            let doubt = doubt(term, model.of_term(i, &halves))?;
-            (doubt > 1.0).then_some((i, doubt))
-        });
-        doubts.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+        let terms = model.terms.iter().enumerate();
+        terms.map(|(i, term)| doubt(term, model.of_term(i, &halves))).collect()
     }
+}
+
+/// The place of the greatest of `doubts` that leaves an effect uncertain.
+fn least_certain(doubts: &[Option<f64>]) -> Option<usize> {
+    let doubts = doubts.iter().enumerate().filter_map(|(i, doubt)| Some((i, (*doubt)?)));
+    let uncertain = doubts.filter(|(_, doubt)| *doubt > CERTAIN);
+    uncertain.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
 }
 
 /// The half width of a size over its distance from that of no effect, the smallest of the term's sizes: infinite where none has an interval.
@@ -60,13 +105,10 @@ fn doubt(term: &Term, halves: &[f64]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use omniwalk_env::effect::Kind;
-
     use super::super::super::cross::Folds;
     use super::super::super::cut::Lengths;
     use super::super::super::floor::Floor;
     use super::super::super::hinge::{read, robot, swings};
-    use super::super::super::model::Model;
     use super::super::super::scales::Scales;
     use super::*;
 
@@ -147,5 +189,42 @@ mod tests {
             Some(Kind::CommandDelay)
         );
         assert_eq!(total(&selection.last.losses), total(&selection.refit.losses));
+    }
+
+    #[test]
+    fn friction_that_one_direction_has_none_of_is_named_with_the_torque_that_does_the_same() {
+        let robot = robot("kp = 30.0\nkd = 1.0\nfriction = 0.3\n");
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let mut data = swings(&robot, 2, lengths);
+        let nominal = Model::nominal(&robot, &data.trials);
+        let mut truth = nominal.clone();
+        truth.terms = vec![Term {
+            kind: Kind::DirectionalFriction,
+            target: 0,
+            values: vec![0.4, 0.0],
+            free: vec![0],
+            table: None,
+            held: false,
+        }];
+        read(&mut data, &truth);
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        let mut selection = selector.run(&nominal, &[], &|_| ());
+        selector.drop_doubtful(&mut selection);
+        let named: Vec<Kind> = selection
+            .alike
+            .iter()
+            .flat_map(|set| set.others.iter().chain([&set.chosen]))
+            .map(|own| own.0)
+            .collect();
+        assert_eq!(selection.last.model.terms.len(), 1);
+        for kind in [Kind::DirectionalFriction, Kind::ExternalForce] {
+            assert!(named.contains(&kind), "{named:?}");
+        }
+        assert_eq!(selection.last.model.terms[0].kind, selection.alike[0].chosen.0);
     }
 }

@@ -45,7 +45,7 @@ impl Selector<'_> {
         let [effect, tuned, nominal] = [effect, self.of_joint(&fit.model, dof, &[]), nominal]
             .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
         let beyond = |judged: &Judged| total(&judged.cross) - total(&tuned.cross);
-        let stands = !self.apart(&effect.cross, &tuned.cross) || beyond(&effect) < WORTH_OF_GAP * beyond(&nominal);
+        let stands = !self.is_worse(&effect, &tuned) || beyond(&effect) < WORTH_OF_GAP * beyond(&nominal);
         stands.then_some(effect.fit.model)
     }
 

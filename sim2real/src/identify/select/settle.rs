@@ -43,7 +43,7 @@ impl Selector<'_> {
                     let candidates = self.rivals(&without.fit.model, &[&first, &second]);
                     let tried = self.try_all(steps, &without, candidates).judged;
                     let best = tried.iter().min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
-                    let as_good = |one: &Judged| !self.apart(&one.cross, &steps.now.cross);
+                    let as_good = |one: &Judged| !self.is_worse(one, &steps.now);
                     let one = best.filter(|best| as_good(best)).map(|best| self.whole(best));
                     if let Some(one) = one.filter(as_good) {
                         steps.now = one;
@@ -70,14 +70,14 @@ impl Selector<'_> {
             let plain = |judged: &&Judged| size(&judged.fit.model) <= size(&steps.now.fit.model);
             let better = tried.judged.iter().filter(plain);
             let better = better
-                .filter(|judged| self.apart(&steps.now.cross, &judged.cross))
+                .filter(|judged| self.is_worse(&steps.now, judged))
                 .min_by(|a, b| total(&a.cross).total_cmp(&total(&b.cross)));
             if let Some(better) = better {
                 // The exchanged term stands last; terms are visited by place, so it takes the old one's.
                 let mut model = better.fit.model.clone();
                 model.terms[i..].rotate_right(1);
                 let whole = self.fit_near(&model);
-                if !model.is_held() || self.apart(&steps.now.cross, &whole.cross) {
+                if !model.is_held() || self.is_worse(&steps.now, &whole) {
                     steps.now = whole;
                     term = model.terms[i].clone();
                 }
@@ -92,7 +92,7 @@ impl Selector<'_> {
                 if own == (term.kind, term.target) {
                     continue;
                 }
-                if helps && plain && !self.apart(&judged.cross, &steps.now.cross) && !others.contains(&own) {
+                if helps && plain && !self.is_worse(judged, &steps.now) && !others.contains(&own) {
                     others.push(own);
                     let model = &judged.fit.model;
                     let there = model.term(own.0, own.1).map(|term| term.values.clone());
@@ -128,20 +128,20 @@ impl Selector<'_> {
         let models = tried.judged.iter().chain([now]).map(|judged| judged.fit.model.clone());
         let mut losses: Vec<f64> = self.data.cells(&models.collect::<Vec<_>>()).iter().map(own).collect();
         let bound = losses.pop().map_or(0.0, |now| CLOSE * now);
-        let is_apart = |own: &Judged| self.apart(&own.cross, &now.cross);
-        let is_close = |(own, loss): &(&mut Judged, f64)| *loss < bound && is_apart(own);
+        let is_worse = |own: &Judged| self.is_worse(own, now);
+        let is_close = |(own, loss): &(&mut Judged, f64)| *loss < bound && is_worse(own);
         let close = tried.judged.par_iter_mut().zip(losses).filter(is_close);
         close.for_each(|(own, _)| {
             let again = self.fit_near(&own.fit.model);
             if total(&again.fit.losses) < total(&own.fit.losses) {
                 *own = again;
             }
-            let Some(hold) = self.hold(&own.cross, &now.cross).filter(|_| is_apart(own)) else {
+            let Some(hold) = self.hold(&own.cross, &now.cross).filter(|_| is_worse(own)) else {
                 return;
             };
             let used = |block: usize| !hold.contains(&block);
             let without = self.judge(self.data.fit(&own.fit.model, self.scales, &used));
-            if !is_apart(&without) {
+            if !is_worse(&without) {
                 *own = without;
             }
         });

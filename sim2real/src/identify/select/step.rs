@@ -288,7 +288,7 @@ impl Selector<'_> {
         let own = |judged: &Judged| size(&judged.fit.model);
         let simpler = good
             .iter()
-            .filter(|other| own(other) < own(best) && !self.apart(&other.cross, &best.cross));
+            .filter(|other| own(other) < own(best) && !self.is_worse(other, best));
         let best = simpler.min_by_key(|other| own(other)).copied().unwrap_or(best);
         self.beyond_contact(now, best).then(|| best.clone())
     }

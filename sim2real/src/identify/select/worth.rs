@@ -87,6 +87,14 @@ impl Selector<'_> {
             .collect()
     }
 
+    /// Whether `better` fits and predicts better than `worse` beyond chance. What fits all logs as well is no worse for what one step from
+    /// there does in a fold: friction that differs between the directions by as much as there is bends where one of them has none left, and
+    /// a constant torque, which does the same, does not.
+    pub(super) fn is_worse(&self, worse: &Judged, better: &Judged) -> bool {
+        total(&worse.fit.losses) > (1.0 + APART_SHARE) * total(&better.fit.losses)
+            && self.apart(&worse.cross, &better.cross)
+    }
+
     /// Whether `better` predicts better than `worse` beyond chance. What is off by no more than noise cannot be ruled out,
     /// whatever predicts better; nor can what is off by more than that in one hold alone.
     pub(super) fn apart(&self, worse: &[Loss], better: &[Loss]) -> bool {
@@ -225,6 +233,34 @@ mod tests {
             "of a joint that leaves no more than noise"
         );
         assert!(is_worth([3.5, 3.5], [3.0, 3.5]), "a fifth of what is not negligible");
+    }
+
+    #[test]
+    fn what_fits_all_logs_as_well_is_no_worse_for_its_folds() {
+        let robot = robot("kp = 30.0\nkd = 1.0\n");
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let data = swings(&robot, 2, lengths);
+        let (folds, scales) = (Folds::new(&data), Scales::new(&robot, &data.trials));
+        let nominal = Model::nominal(&robot, &data.trials);
+        let floor = Floor::new(&data, &nominal, &scales).expect("a floor");
+        let mut selector = Selector::new(&robot, &data, &scales, &folds, &floor);
+        selector.floor = 1.0;
+        let fit = data.fit(&nominal, &scales, &|_| true);
+        let losses = |squares: f64| vec![Loss { squares, count: 1.0 }; data.blocks];
+        let judged = |fitted: f64, predicted: f64| Judged {
+            fit: Fit {
+                losses: losses(fitted),
+                ..fit.clone()
+            },
+            cross: losses(predicted),
+        };
+        let best = judged(1.0, 1.1);
+        assert!(selector.is_worse(&judged(1.05, 1.2), &best));
+        assert!(!selector.is_worse(&judged(1.005, 1.2), &best), "its fit is as good");
+        assert!(!selector.is_worse(&judged(1.05, 1.1), &best), "it predicts as well");
     }
 
     #[test]
