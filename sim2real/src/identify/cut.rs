@@ -8,7 +8,7 @@ use super::base::MeasuredBase;
 use super::landings::landings;
 use super::motion::Motion;
 use super::state::{Near, state};
-use super::trial::{DT, LEAD, Reading, Told, Trial, TrialError, steps};
+use super::trial::{Commands, DT, LEAD, Reading, Told, Trial, TrialError, steps};
 use crate::recording::{CommandKind, JointRecord, Recording, Series};
 
 /// How long a log is followed at a stretch, s: longer ones are cut, and every piece starts from the measured state.
@@ -289,11 +289,28 @@ fn told(joint: &JointRecord, start: f64, times: &[f64]) -> Told {
     let mut past = held(&joint.command, before, &lead);
     past.reverse();
     Told {
-        command: held(&joint.command, before, times),
-        otherwise: (!joint.otherwise.is_empty()).then(|| held(&joint.otherwise, before, times)),
+        command: commands(&joint.command, before, start, times),
+        otherwise: (!joint.otherwise.is_empty()).then(|| commands(&joint.otherwise, before, start, times)),
         effort,
         enabled: held(&joint.enabled, 1.0, times).iter().map(|&on| on > 0.5).collect(),
         past,
+    }
+}
+
+/// Those of `series` from `start` on, at the steps that begin at `times`; `before` holds before the first.
+fn commands(series: &Series, before: f64, start: f64, times: &[f64]) -> Commands {
+    let end = times.last().map_or(start, |last| last + DT);
+    let own = series.time.iter().zip(&series.value);
+    let given = own.map(|(time, value)| ((time - start) / DT, *value));
+    // What held before the trial begins is the last that was given.
+    let first = series.time.partition_point(|time| *time <= start);
+    let value = first.checked_sub(1).map_or(before, |last| series.value[last]);
+    let during = given
+        .skip(first)
+        .take(series.time.partition_point(|time| *time < end).saturating_sub(first));
+    Commands {
+        mean: held(series, before, times),
+        given: std::iter::once((0.0, value)).chain(during).collect(),
     }
 }
 

@@ -22,7 +22,7 @@ const NEGLIGIBLE_OVER_FLOOR: f64 = 1.5;
 pub struct Floor {
     /// Noise of the sensors.
     pub sensor: Vec<f64>,
-    /// What half the physics step changes.
+    /// What the physics step leaves open.
     pub integration: Vec<f64>,
     /// What another model of contact changes; 0 where the base is held.
     pub contact: Vec<f64>,
@@ -54,7 +54,7 @@ impl Floor {
         Ok(Self {
             negligible,
             sensor: dofs.clone().map(|d| noise::sensor(&data.trials, d)).collect(),
-            integration: noise::discretisation(data, model)?,
+            integration: integration(data, model)?,
             contact: contact::floor(data, model)?,
             timing: noise::timing(data, model)?,
             repeats: dofs.map(|d| noise::repeats(&data.trials, d)).collect(),
@@ -135,6 +135,14 @@ impl Floor {
         let squares = (0..self.weights.len()).map(|d| (self.weights[d] * self.of(d)).powi(2));
         (squares.sum::<f64>() / n).sqrt()
     }
+}
+
+/// How far the simulation's readings of each degree of freedom are off for its physics step, rad or m: of a method of first order twice what half
+/// the step changes. Where the base is free that is what another step does to contact, and no way to none of it.
+fn integration(data: &Data, model: &Model) -> Result<Vec<f64>, EngineError> {
+    let order = if data.is_free() { 1.0 } else { 2.0 };
+    let changes = noise::discretisation(data, model)?;
+    Ok(changes.into_iter().map(|change| order * change).collect())
 }
 
 /// How far the servo of degree of freedom `d` gives way under the torque it gives, root mean square, rad or m; 0 where

@@ -22,8 +22,8 @@ use super::{IdentifyError, causes, information, interval};
 
 /// A torque limit that is looked for below the nominal one begins at this share of it.
 const LOWER_LIMIT: f64 = 0.7;
-/// Physics steps a millisecond where one is too coarse.
-const FINER: usize = 4;
+/// Physics steps a millisecond where one is too coarse, and where those are.
+const FINER: [usize; 2] = [4, 16];
 
 /// How to look.
 #[derive(Clone, Debug)]
@@ -136,8 +136,11 @@ pub fn all_at_once(robot: &Robot, trials: Vec<Trial>) -> Result<(Model, usize), 
     data.weights = leftover::weights(&data, &nominal);
     let mut tuned = way.retuned(&data, &nominal);
     data.fit_starts(&tuned)?;
-    if !data.is_free() && leftover::is_coarse(&data, &tuned, TOO_COARSE)? {
-        data.finer = FINER;
+    let mut finer = if data.is_free() { [].iter() } else { FINER.iter() };
+    while leftover::is_coarse(&data, &tuned, TOO_COARSE)?
+        && let Some(&finer) = finer.next()
+    {
+        data.finer = finer;
         tuned = data.fit(&tuned, &scales, &|_| true).model;
     }
     data.weights = leftover::weights(&data, &tuned);
@@ -195,24 +198,37 @@ impl Way<'_> {
             // A finer step is another model of contact too: what the step changes counts as the floor's.
             return self.steps(data, Start::bare(&tuned));
         }
-        if leftover::is_coarse(data, &tuned, TOO_COARSE)? {
-            return self.fine(data, Start::bare(&tuned));
+        let mut finer = FINER.iter();
+        while leftover::is_coarse(data, &tuned, TOO_COARSE)?
+            && let Some(&finer) = finer.next()
+        {
+            tuned = self.retuned_finer(data, &tuned, finer);
         }
-        let (selection, floor) = self.steps(data, Start::bare(&tuned))?;
-        if !leftover::is_coarse(data, &selection.last.model, COARSE)? {
-            return Ok((selection, floor));
+        let (mut selection, mut floor) = self.steps(data, Start::bare(&tuned))?;
+        // Of what a millisecond leaves open values could be off by as much as noise lets them be known.
+        let bound = |data: &Data| if data.finer == 1 { COARSE } else { TOO_COARSE };
+        while leftover::is_coarse(data, &selection.last.model, bound(data))?
+            && let Some(&finer) = finer.next()
+        {
+            (self.log)("the physics step is too coarse for what was found: on with a finer one");
+            tuned = self.retuned_finer(data, &selection.refit.model, finer);
+            let rivals = selection.rivals();
+            let start = Start {
+                tuned: &tuned,
+                terms: &selection.last.model.terms,
+                counts: &selection.counts,
+                rivals: Some(&rivals),
+            };
+            let (next, below) = self.steps(data, start)?;
+            (selection, floor) = (next.after(selection), below);
         }
-        (self.log)("the physics step is too coarse for what was found: on with a finer one");
-        let rivals = selection.rivals();
-        tuned.tuned.clone_from(&selection.refit.model.tuned);
-        let start = Start {
-            tuned: &tuned,
-            terms: &selection.last.model.terms,
-            counts: &selection.counts,
-            rivals: Some(&rivals),
-        };
-        let (finer, floor) = self.fine(data, start)?;
-        Ok((finer.after(selection), floor))
+        Ok((selection, floor))
+    }
+
+    /// The `tuned` model re-tuned at so many physics steps a millisecond.
+    fn retuned_finer(&self, data: &mut Data, tuned: &Model, finer: usize) -> Model {
+        data.finer = finer;
+        data.fit_shaken(std::slice::from_ref(tuned), self.scales).model
     }
 
     /// The nominal model re-tuned, from its values and with lower torque limits: a limit that the nominal robot does not reach has no
@@ -228,13 +244,6 @@ impl Way<'_> {
         let better = total(&lower.losses) < (1.0 - LESSER) * total(&as_told.losses);
         let start = if better { lower.model } else { as_told.model };
         data.fit_shaken(&[start], self.scales).model
-    }
-
-    /// The same at a finer physics step.
-    fn fine(&self, data: &mut Data, start: Start<'_>) -> Result<Choice, EngineError> {
-        data.finer = FINER;
-        let tuned = &data.fit_shaken(std::slice::from_ref(start.tuned), self.scales).model;
-        self.steps(data, Start { tuned, ..start })
     }
 
     /// Steps at the data's physics step.

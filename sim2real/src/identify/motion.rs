@@ -124,10 +124,7 @@ fn follow(robot: &Robot, trial: &Trial, finer: usize) -> Result<Found, EngineErr
     for step in 0..trial.steps {
         std::mem::swap(&mut before, &mut now);
         let from = rollout.parts().0.base(0);
-        rollout.command(step);
-        for _ in 0..finer {
-            rollout.advance();
-        }
+        rollout.step(step, finer);
         rollout.read(&mut now);
         let base = rollout.parts().0.base(0);
         let end = (step + 1) as f64;

@@ -196,9 +196,9 @@ pub fn repeats(trials: &[Trial], d: usize) -> Option<f64> {
 /// Whether all joints got the same commands, to a hundredth of their range.
 fn alike(a: &Trial, b: &Trial, steps: usize) -> bool {
     a.told.iter().zip(&b.told).all(|(a, b)| {
-        let own = &a.command[..=steps];
+        let own = &a.command.mean[..=steps];
         let (low, high) = own.iter().fold((f64::MAX, f64::MIN), |(l, h), &c| (l.min(c), h.max(c)));
-        let squares: f64 = own.iter().zip(&b.command).map(|(a, b)| (a - b).powi(2)).sum();
+        let squares: f64 = own.iter().zip(&b.command.mean).map(|(a, b)| (a - b).powi(2)).sum();
         let same_power = a.enabled[..=steps]
             .iter()
             .zip(&b.enabled)

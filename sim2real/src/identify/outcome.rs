@@ -12,6 +12,7 @@ use super::leftover::Left;
 use super::measure::{Measure, measure_each};
 use super::model::{Model, Term};
 use super::motion;
+use super::own::Own;
 use super::report::{
     Accepted, Alternative, JointGap, MeasuredTable, NoiseFloor, Outcome, Parameter, Rejected, Sets, Unexplained,
     Verdict,
@@ -289,10 +290,13 @@ fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Paramet
     for (tuned, &half) in written.tuned.iter().zip(&parts.found.intervals) {
         let joint = parts.robot.dof(tuned.dof);
         let tabled = written.has(Kind::ResidualTorque, tuned.dof);
+        // An interval that has every lower limit as well says that none was met.
+        let is_limit = matches!(tuned.own, Own::TorqueLimit | Own::SpeedLimit);
+        let tells = |[low, _]: &[f64; 2]| !tabled && (!is_limit || *low > 0.0);
         let value = Parameter {
             value: tuned.value,
             unit: tuned.own.scale().unit(joint.kind == JointKind::Prismatic),
-            ci95: interval(tuned.value, half).filter(|_| !tabled),
+            ci95: interval(tuned.value, half).filter(tells),
         };
         out.entry(joint.name.clone())
             .or_default()

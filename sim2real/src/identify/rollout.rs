@@ -79,7 +79,11 @@ impl<'a> Rollout<'a> {
             }
             engine.reset(w, &start, &World::nominal(robot, ground));
             for (d, told) in trial.told.iter().enumerate() {
-                let target = if told.effort { start.joints[d] } else { told.command[0] };
+                let target = if told.effort {
+                    start.joints[d]
+                } else {
+                    told.command.mean[0]
+                };
                 actuators.start(d, w, (start.joints[d], start.joint_velocities[d]), target);
                 let (late, position) = &encoders[d];
                 let past = |age: usize| {
@@ -102,15 +106,24 @@ impl<'a> Rollout<'a> {
         }
     }
 
-    /// Gives every joint its command for the next step of the trial.
-    pub fn command(&mut self, step: usize) {
+    /// The next step of the trial, in so many physics steps.
+    pub fn step(&mut self, step: usize, finer: usize) {
+        for part in 0..finer {
+            self.command(step, part, finer);
+            self.advance();
+        }
+    }
+
+    /// Gives every joint its command for part `part` of `parts` of the next step of the trial.
+    pub fn command(&mut self, step: usize, part: usize, parts: usize) {
         for (d, told) in self.trial.told.iter().enumerate() {
-            let switched = step == 0 || told.enabled[step] != told.enabled[step - 1];
+            let switched = part == 0 && (step == 0 || told.enabled[step] != told.enabled[step - 1]);
+            let command = told.command.over(step, part, parts);
             for w in 0..self.worlds {
                 if told.effort {
-                    self.actuators.set_torque(d, w, told.command[step]);
+                    self.actuators.set_torque(d, w, command);
                 } else {
-                    self.actuators.set_target(d, w, told.command[step]);
+                    self.actuators.set_target(d, w, command);
                 }
                 if switched {
                     self.actuators.set_power(d, w, told.enabled[step]);
@@ -167,10 +180,7 @@ pub fn follow(trial: &Trial, mut rollout: Rollout<'_>, finer: usize) -> Vec<f64>
     rollout.read(&mut now);
     for step in 0..trial.steps {
         std::mem::swap(&mut before, &mut now);
-        rollout.command(step);
-        for _ in 0..finer {
-            rollout.advance();
-        }
+        rollout.step(step, finer);
         rollout.read(&mut now);
         while let Some(reading) = trial.readings.get(next).filter(|r| r.at <= (step + 1) as f64) {
             let share = (reading.at - step as f64).max(0.0);
@@ -186,4 +196,81 @@ pub fn follow(trial: &Trial, mut rollout: Rollout<'_>, finer: usize) -> Vec<f64>
         out.iter_mut().skip(w).step_by(worlds).for_each(|x| *x = f64::NAN);
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cut::{self, Lengths};
+    use super::super::hinge::robot;
+    use super::*;
+    use crate::recording::{JointRecord, Recording, Series};
+
+    /// A joint at rest that is told to jump every tenth of a second and a bit, farther than its torque limit takes it at once.
+    fn jumps() -> JointRecord {
+        let at = |k: i32| 0.1037 * f64::from(k);
+        let still: Vec<f64> = (0..1000).map(|k| 5e-3 * f64::from(k)).collect();
+        JointRecord {
+            name: "hinge".into(),
+            command: Series {
+                time: (2..45).map(at).collect(),
+                value: (2..45).map(|k| if k % 2 == 0 { 0.4 } else { -0.3 }).collect(),
+            },
+            position: Series {
+                value: vec![0.4; still.len()],
+                time: still,
+            },
+            ..JointRecord::default()
+        }
+    }
+
+    #[test]
+    fn predictions_converge_with_the_physics_step_where_commands_come_within_a_millisecond() {
+        let robot = robot("kp = 30.0\nkd = 1.0\ntorque_limit = 2.0\nspeed_limit = 50.0\n");
+        let log = Recording {
+            name: "log".into(),
+            joints: vec![jumps()],
+            ..Recording::default()
+        };
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let trial = cut::cut(&robot, &log, 0, (0.0, f64::INFINITY), lengths)
+            .expect("trials")
+            .swap_remove(0);
+        let told = |finer| predict(&trial, std::slice::from_ref(&robot), finer).expect("a rollout");
+        let best = told(64);
+        let off = |finer: usize| {
+            let squares = told(finer).iter().zip(&best).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            (squares / best.len() as f64).sqrt()
+        };
+        let [one, four, sixteen] = [1, 4, 16].map(off);
+        assert!(
+            four < 0.4 * one && sixteen < 0.4 * four,
+            "{one:e}, {four:e}, {sixteen:e}"
+        );
+    }
+
+    #[test]
+    fn the_parts_of_a_step_have_the_mean_of_its_commands() {
+        let log = jumps();
+        let robot = robot("kp = 30.0\nkd = 1.0\n");
+        let log = Recording {
+            name: "log".into(),
+            joints: vec![log],
+            ..Recording::default()
+        };
+        let lengths = Lengths {
+            block: 0.5,
+            piece: 60.0,
+        };
+        let trial = &cut::cut(&robot, &log, 0, (0.0, f64::INFINITY), lengths).expect("trials")[0];
+        let command = &trial.told[0].command;
+        let switching = command.given.iter().filter(|(at, _)| at.fract() > 0.3).count();
+        assert!(switching > 5);
+        for step in 0..trial.steps {
+            let parts = (0..16).map(|part| command.over(step, part, 16)).sum::<f64>() / 16.0;
+            assert!((parts - command.over(step, 0, 1)).abs() < 1e-9, "step {step}");
+        }
+    }
 }

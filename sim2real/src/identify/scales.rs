@@ -43,7 +43,7 @@ impl Scales {
                 (low, high) = q.iter().fold((low, high), |(l, h), &q| (l.min(q), h.max(q)));
                 let told = &trial.told[d];
                 let stiffness = joint.actuator.map_or(0.0, |a| a.stiffness());
-                let wanted = told.command.iter().zip(q);
+                let wanted = told.command.mean.iter().zip(q);
                 let wanted = wanted.map(|(c, q)| {
                     if told.effort {
                         c.abs()

@@ -209,7 +209,7 @@ pub fn insufficient(robot: &Robot, trials: &[Trial]) -> Vec<String> {
     }
     // Within a log, or from log to log: each may be one step.
     let told = |d: usize| {
-        let commands = trials.iter().flat_map(|trial| &trial.told[d].command);
+        let commands = trials.iter().flat_map(|trial| &trial.told[d].command.mean);
         varies(commands.copied())
     };
     if reasons.is_empty() && !(0..robot.dofs.len()).any(told) && !released(trials) {

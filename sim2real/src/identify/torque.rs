@@ -66,7 +66,7 @@ pub fn lacking(data: &Data, model: &Model, scales: &Scales) -> Result<Vec<Vec<Mo
         let mut before = vec![0.0; dofs];
         let begin = trial.readings.first().map_or(0.0, |first| first.at);
         for step in 0..trial.steps {
-            rollout.command(step);
+            rollout.command(step, 0, 1);
             rollout.read(&mut readings);
             for d in 0..dofs {
                 let measured = &trial.measured[d];
@@ -87,7 +87,7 @@ pub fn lacking(data: &Data, model: &Model, scales: &Scales) -> Result<Vec<Vec<Mo
                         let own = [
                             engine.joints().position[d],
                             moving,
-                            trial.told[d].command[step],
+                            trial.told[d].command.mean[step],
                             motor,
                             trial.start + step as f64 * DT,
                             (moving - before[d]) / (EVERY as f64 * DT),

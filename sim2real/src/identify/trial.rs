@@ -120,13 +120,44 @@ pub struct Reading {
     pub block: usize,
 }
 
+/// Commands, of which each holds until the next: targets (rad, m) or efforts (N m, N).
+#[derive(Clone, Debug)]
+pub struct Commands {
+    /// Their mean over every step.
+    pub mean: Vec<f64>,
+    /// When each was given, in steps from the trial's start, and which; the first is that which held at the start.
+    pub given: Vec<(f64, f64)>,
+}
+
+impl Commands {
+    /// Their mean over part `part` of `parts` of a step: what switches within acts in proportion.
+    pub fn over(&self, step: usize, part: usize, parts: usize) -> f64 {
+        if parts == 1 {
+            return self.mean[step];
+        }
+        let length = 1.0 / parts as f64;
+        let (mut from, end) = (
+            step as f64 + part as f64 * length,
+            step as f64 + (part + 1) as f64 * length,
+        );
+        let next = self.given.partition_point(|(at, _)| *at <= from);
+        let mut value = self.given[next.saturating_sub(1)].1;
+        let mut sum = 0.0;
+        for &(at, new) in self.given[next..].iter().take_while(|(at, _)| *at < end) {
+            sum += value * (at - from);
+            (from, value) = (at, new);
+        }
+        (sum + value * (end - from)) / length
+    }
+}
+
 /// What a joint is told.
 #[derive(Clone, Debug)]
 pub struct Told {
-    /// Target (rad, m) or effort (N m, N) at every step.
-    pub command: Vec<f64>,
-    /// The same were commands given at other moments that the log allows as well; none where it says when.
-    pub otherwise: Option<Vec<f64>>,
+    /// Its commands.
+    pub command: Commands,
+    /// The same were they given at other moments that the log allows as well; none where it says when.
+    pub otherwise: Option<Commands>,
     /// Whether commands are efforts.
     pub effort: bool,
     /// Whether the motor is on, at every step.

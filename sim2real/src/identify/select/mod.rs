@@ -299,7 +299,10 @@ impl<'a> Selector<'a> {
                 _ if curves.contains(&(rejected.kind, rejected.target)) => {
                     "one of several that together are a curve over position".to_owned()
                 }
-                Some(share) => format!("not fitted to the end: takes about {:.1} %, others more", 100.0 * share),
+                Some(share) => format!(
+                    "not fitted to the end: takes about {:.1} % with re-tuning, others more",
+                    100.0 * share
+                ),
                 None => self.reason(&rejected.gain, tried),
             };
         }
