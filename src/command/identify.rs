@@ -113,7 +113,7 @@ fn free(out: &Path, robot: &Path) -> miette::Result<()> {
     if holds_result(&out.join("report.json")) {
         return Err(miette!(
             help = help,
-            "{} holds the result of another identification",
+            "{} holds the result of an identification",
             out.display()
         ));
     }

@@ -124,7 +124,7 @@ fn what_a_late_servo_lacks_is_named_with_the_motion_that_would_say_more() {
     // An hour's result is not written over.
     let before = contents(folder);
     let again = omniwalk(folder, &identify);
-    assert!(again.code == 2 && again.message().contains("result of another identification"));
+    assert!(again.code == 2 && again.message().contains("result of an identification"));
     assert!(contents(folder) == before);
 }
 

@@ -56,6 +56,7 @@ pub fn refinements(kind: Kind) -> &'static [&'static [usize]] {
     match kind {
         Kind::LoadDependentFriction => &[&[1], &[2, 3]],
         Kind::DirectionalFriction => &[&[1]],
+        Kind::Payload => &[&[1, 2, 3]],
         Kind::StribeckFriction | Kind::Backlash | Kind::Elasticity => &[&[2]],
         _ => &[],
     }
@@ -111,7 +112,10 @@ fn refined<'a>(term: &'a Term, scales: &'a Scales) -> impl Iterator<Item = Candi
         for &i in group {
             let parameter = &info.parameters[i];
             let unit = scales.of(parameter.scale, info.site, term.target);
-            term.values[i] = unit * parameter.starts[pick.min(parameter.starts.len() - 1)];
+            // What has no start of its own begins where the simplest form has it.
+            if let Some(start) = parameter.starts.get(pick).or(parameter.starts.last()) {
+                term.values[i] = unit * start;
+            }
             term.free.push(i);
         }
         term.free.sort_unstable();
@@ -125,7 +129,7 @@ fn refined<'a>(term: &'a Term, scales: &'a Scales) -> impl Iterator<Item = Candi
             kind: term.kind,
             target: term.target,
             variant: REFINED + k,
-            starts: (0..count.unwrap_or(0)).map(|pick| start(group, pick)).collect(),
+            starts: (0..count.unwrap_or(0).max(1)).map(|pick| start(group, pick)).collect(),
         }
     })
 }
@@ -230,9 +234,10 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
         }
         Kind::CentreOfMass => vec![vec![term(vec![0.0; 3], vec![0, 1, 2])]],
         Kind::Payload => {
+            // Spread over the link, or at its end: twice as far from its joint, were it of one thickness.
             let com = robot.links[target].inertial.com;
-            let at = |x: f64| term(vec![x, com.x, com.y, com.z], vec![0]);
-            vec![start(0).into_iter().map(at).collect()]
+            let at = |mass: f64| [com, 2.0 * com].map(|place| term(vec![mass, place.x, place.y, place.z], vec![0]));
+            vec![start(0).into_iter().flat_map(at).collect()]
         }
         _ => vec![ladder(0).into_iter().map(|x| term(plain(x), vec![0])).collect()],
     }

@@ -108,8 +108,16 @@ impl<'a> Rollout<'a> {
 
     /// The next step of the trial, in so many physics steps.
     pub fn step(&mut self, step: usize, finer: usize) {
+        let mut told = self.trial.told.iter();
+        let parts = if told.any(|told| told.command.switches_within(step)) {
+            finer
+        } else {
+            1
+        };
         for part in 0..finer {
-            self.command(step, part, finer);
+            if part < parts {
+                self.command(step, part, parts);
+            }
             self.advance();
         }
     }

@@ -130,6 +130,12 @@ pub struct Commands {
 }
 
 impl Commands {
+    /// Whether another is given within a step.
+    pub fn switches_within(&self, step: usize) -> bool {
+        let next = self.given.partition_point(|(at, _)| *at <= step as f64);
+        self.given.get(next).is_some_and(|(at, _)| *at < (step + 1) as f64)
+    }
+
     /// Their mean over part `part` of `parts` of a step: what switches within acts in proportion.
     pub fn over(&self, step: usize, part: usize, parts: usize) -> f64 {
         if parts == 1 {
