@@ -1,5 +1,6 @@
 //! Which effects are tried on which joints and links, and where their fits start.
 
+use nalgebra::Vector3;
 use omniwalk_env::effect::{Kind, Scale, Site};
 use omniwalk_env::robot::{Actuator, Robot};
 
@@ -236,8 +237,11 @@ fn variants(kind: Kind, target: usize, robot: &Robot, scales: &Scales, ripples: 
         Kind::Payload => {
             // Spread over the link, or at its end: twice as far from its joint, were it of one thickness.
             let com = robot.links[target].inertial.com;
-            let at = |mass: f64| [com, 2.0 * com].map(|place| term(vec![mass, place.x, place.y, place.z], vec![0]));
-            vec![start(0).into_iter().flat_map(at).collect()]
+            let at = |place: Vector3<f64>| {
+                let load = |mass: f64| term(vec![mass, place.x, place.y, place.z], vec![0]);
+                start(0).into_iter().map(load).collect()
+            };
+            vec![at(com), at(2.0 * com)]
         }
         _ => vec![ladder(0).into_iter().map(|x| term(plain(x), vec![0])).collect()],
     }

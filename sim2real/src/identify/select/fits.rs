@@ -39,14 +39,16 @@ impl Selector<'_> {
             model.put(term);
             model
         };
-        let effects = candidates::each(kind, target, self.robot, self.scales, &[]);
-        let starts: Vec<Model> = effects.into_iter().flat_map(|effect| effect.starts).map(with).collect();
-        let effect = candidates::promising(self.data, starts, self.scales);
-        let [effect, tuned, nominal] = [effect, self.of_joint(&fit.model, dof, &[]), nominal]
-            .map(|model| self.judge(self.data.fit(&model, self.scales, &|_| true)));
+        let judge = |model: &Model| self.judge(self.data.fit(model, self.scales, &|_| true));
+        let (tuned, plain) = (judge(&self.of_joint(&fit.model, dof, &[])), judge(&nominal));
         let beyond = |judged: &Judged| total(&judged.cross) - total(&tuned.cross);
-        let stands = !self.is_worse(&effect, &tuned) || beyond(&effect) < WORTH_OF_GAP * beyond(&nominal);
-        stands.then_some(effect.fit.model)
+        let stands = |effect: &Judged| !self.is_worse(effect, &tuned) || beyond(effect) < WORTH_OF_GAP * beyond(&plain);
+        let ways = candidates::each(kind, target, self.robot, self.scales, &[]).into_iter();
+        let mut effects = ways.map(|way| {
+            let starts = way.starts.into_iter().map(with).collect();
+            judge(&candidates::promising(self.data, starts, self.scales))
+        });
+        Some(effects.find(stands)?.fit.model)
     }
 
     /// `model` with all held but what it has on degree of freedom `dof`, of which `nominal` are held at their nominal values.
