@@ -154,10 +154,9 @@ fn friction_that_the_axis_shows_is_missing_in_its_model() {
         return;
     };
     let outcome = identified("emps", logs, None);
-    // Which kind of it these logs do not tell.
-    assert_eq!(outcome.verdict, Verdict::Indistinguishable);
-    let set = &outcome.indistinguishable[0];
-    assert!(set.contains(&"coulomb_friction".to_owned()), "{set:?}");
+    assert_eq!(outcome.verdict, Verdict::Explained);
+    let names: Vec<&str> = outcome.accepted.iter().map(|own| own.effect).collect();
+    assert_eq!(names, ["coulomb_friction"]);
     assert!(outcome.last.heldout.overall() < 0.6 * outcome.refit.heldout.overall());
 }
 

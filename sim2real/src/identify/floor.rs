@@ -69,6 +69,18 @@ impl Floor {
         self.repeats[d].map_or(own, |spread| spread.max(own))
     }
 
+    /// Whether of some degree of freedom the physics step leaves more open than all else that is too little to be missing: a finer one would
+    /// then show more.
+    pub fn is_of_step(&self) -> bool {
+        let other = |d: usize| {
+            let noise = self.sensor[d].hypot(self.timing[d]);
+            self.repeats[d]
+                .map_or(noise, |spread| spread.max(noise))
+                .max(self.negligible[d])
+        };
+        (0..self.weights.len()).any(|d| self.integration[d] > other(d))
+    }
+
     /// Among the `dofs` degrees of freedom of the whole robot, of which its own are `limb`.
     pub fn of_whole(&self, limb: &Limb, dofs: usize) -> Self {
         let own = |values: &Vec<f64>| spread(values, limb, dofs);

@@ -137,7 +137,7 @@ pub fn all_at_once(robot: &Robot, trials: Vec<Trial>) -> Result<(Model, usize), 
     let mut tuned = way.retuned(&data, &nominal);
     data.fit_starts(&tuned)?;
     let mut finer = if data.is_free() { [].iter() } else { FINER.iter() };
-    while leftover::is_coarse(&data, &tuned, TOO_COARSE)?
+    while way.is_coarse(&data, &tuned, TOO_COARSE)?
         && let Some(&finer) = finer.next()
     {
         data.finer = finer;
@@ -199,15 +199,13 @@ impl Way<'_> {
             return self.steps(data, Start::bare(&tuned));
         }
         let mut finer = FINER.iter();
-        while leftover::is_coarse(data, &tuned, TOO_COARSE)?
+        while self.is_coarse(data, &tuned, TOO_COARSE)?
             && let Some(&finer) = finer.next()
         {
             tuned = self.retuned_finer(data, &tuned, finer);
         }
         let (mut selection, mut floor) = self.steps(data, Start::bare(&tuned))?;
-        // Of what a millisecond leaves open values could be off by as much as noise lets them be known.
-        let bound = |data: &Data| if data.finer == 1 { COARSE } else { TOO_COARSE };
-        while leftover::is_coarse(data, &selection.last.model, bound(data))?
+        while self.is_coarse(data, &selection.last.model, COARSE)?
             && let Some(&finer) = finer.next()
         {
             (self.log)("the physics step is too coarse for what was found: on with a finer one");
@@ -223,6 +221,14 @@ impl Way<'_> {
             (selection, floor) = (next.after(selection), below);
         }
         Ok((selection, floor))
+    }
+
+    /// Whether the step is too coarse for `model`. Of what a millisecond leaves open values could be off by as much as noise lets them be known;
+    /// from there on a finer step, which is dear, has to be what the floor asks for.
+    fn is_coarse(&self, data: &Data, model: &Model, share: f64) -> Result<bool, EngineError> {
+        let share = if data.finer == 1 { share } else { TOO_COARSE };
+        Ok(leftover::is_coarse(data, model, share)?
+            && (data.finer == 1 || Floor::new(data, model, self.scales)?.is_of_step()))
     }
 
     /// The `tuned` model re-tuned at so many physics steps a millisecond.

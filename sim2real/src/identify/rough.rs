@@ -6,13 +6,15 @@ use super::fit::Data;
 
 /// Stretches of a robot that walks freely that suffice to get near a fit: more than ten seconds of them.
 const STRETCHES: usize = 48;
+/// By how much the physics step is coarser. What a much coarser one leaves is its own, and every effect takes as much of that.
+const COARSER: usize = 4;
 
 impl Data {
-    /// Less to compute: at a physics step of a millisecond; of a robot that walks freely no more than [`STRETCHES`] of its stretches,
+    /// Less to compute: at a coarser physics step; of a robot that walks freely no more than [`STRETCHES`] of its stretches,
     /// evenly spread. Fits that begin far off get near by it, and end with all.
     pub fn rough(&self) -> Self {
         let mut rough = Self {
-            finer: 1,
+            finer: (self.finer / COARSER).max(1),
             ..self.clone()
         };
         if self.is_free() {
