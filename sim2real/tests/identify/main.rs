@@ -17,7 +17,7 @@ use omniwalk_sim2real::recording::{Recording, Series};
 use rig::{LIMITS_ALONE, RIG, identify, identify_files, identify_files_aloud, identify_into, load, logs, rig};
 
 /// Logs that are fitted: one of each kind of motion, and another triangle.
-const LOGS: u64 = 4;
+const LOGS: u64 = 3;
 
 /// Every name in the accepted effects and the sets that cannot be told apart.
 fn named(outcome: &Outcome) -> Vec<String> {
