@@ -8,11 +8,20 @@ from .generate import generate, name_of
 from .walk_case import POLICY
 
 FIXED = [
+    *(("rig", seed) for seed in range(1100, 1172)),
+    *(("leg", seed) for seed in range(1100, 1124)),
+    *(("walk", seed) for seed in range(1100, 1108)),
+]
+"""Machine and seed; to be run once, after the procedure is frozen."""
+
+TENTH = [
     *(("rig", seed) for seed in range(900, 972)),
     *(("leg", seed) for seed in range(928, 952)),
     *(("walk", seed) for seed in range(900, 908)),
 ]
-"""Machine and seed; to be run once, after the procedure is frozen."""
+"""The fixed list of the procedure as it was frozen for the tenth time, all of it, run before another simulator's axis showed that commands act within
+the millisecond they come in and what the physics step leaves, and an arm a load that is no point at its link's centre of mass, and the
+procedure was changed."""
 
 NINTH = [
     *(("rig", seed) for seed in range(800, 872)),
@@ -76,7 +85,7 @@ REHEARSAL = [
 """What the procedure was worked out on: no measure of it."""
 
 LISTS = {
-    **{"fixed": FIXED, "ninth": NINTH, "eighth": EIGHTH, "seventh": SEVENTH, "sixth": SIXTH, "fifth": FIFTH},
+    **{"fixed": FIXED, "tenth": TENTH, "ninth": NINTH, "eighth": EIGHTH, "seventh": SEVENTH, "sixth": SIXTH, "fifth": FIFTH},
     **{"fourth": FOURTH, "third": THIRD, "second": SECOND, "first": FIRST, "rehearsal": REHEARSAL},
 }
 
