@@ -51,7 +51,6 @@ class Machine:
     """Of the stand above the ground, m: nothing touches it."""
     motions: float = 1.0
     """Largest amplitude of commanded motion, rad."""
-    fields: dict[str, str] = field(default_factory=dict)
 
     def joint(self, name: str) -> Joint:
         return next(joint for joint in self.joints if joint.name == name)

@@ -61,7 +61,17 @@ class Outcome:
         """Whether no wrong name, and no set without a right one, stands beside those."""
         right = [names for names in self.sets if self.truth & set(names)]
         alone = [name for name in self.accepted if name not in self.truth and not any(name in names for names in right)]
-        return self.named() and not alone and len(right) == len(self.sets)
+        return self.named() and not alone and len(right) == len(self.sets) and self.at_its_place()
+
+    def at_its_place(self) -> bool:
+        """Whether what was accepted by a true name is said of a joint or link that lacks it."""
+        lacking = {(effect["name"], effect["joint"]) for effect in self.effects}
+        said = [(entry["effect"], entry["target"]) for entry in self.report.get("accepted", [])]
+        return all(own in lacking for own in said if own[0] in self.truth)
+
+    def alone(self) -> bool:
+        """Whether it is right without a set of what cannot be told apart."""
+        return self.right() and not self.sets
 
     def exact(self) -> bool:
         """Whether, beyond that, nothing is said to be left."""
@@ -177,6 +187,7 @@ def _figures(outcomes: list[Outcome]) -> list[tuple[str, str, str]]:
     median_of = lambda shares: f"{round(100 * median(shares))} %" if shares else "no cases"
     return [
         ("single: right name, no wrong one", _share(sum(o.right() for o in single), len(single)), "90 %"),
+        ("... named alone, not in a set", _share(sum(o.alone() for o in single), len(single)), ""),
         ("... and nothing is said to be left", _share(sum(o.exact() for o in single), len(single)), ""),
         ("pair: both right names, no wrong one", _share(sum(o.right() for o in pair), len(pair)), ""),
         ("none: false alarms", _share(sum(o.verdict != "no_missing_effect" for o in none), len(none)), "at most 5 %"),

@@ -369,7 +369,11 @@ fn joints(
     for (d, own) in lacking.iter().enumerate() {
         let _ = writeln!(out, "<h2>{}</h2>", escaped(&own.joint));
         let by = own.predicted.iter().map(|predicted| {
-            let how = if predicted.friction { " against the motion" } else { "" };
+            let how = match (predicted.friction, predicted.past) {
+                (true, _) => " against the motion",
+                (_, true) => " over the last 0.2 s",
+                _ => "",
+            };
             format!("{}{how} ({:.0} %)", predicted.by, 100.0 * predicted.share)
         });
         let by: Vec<String> = by.collect();

@@ -166,11 +166,6 @@ pub(super) struct Friction {
 }
 
 impl Friction {
-    /// Whether the transmitted torque matters.
-    pub fn depends_on_load(&self) -> bool {
-        self.load > 0.0 || self.load_growth > 0.0 || self.load_at_rest > 0.0
-    }
-
     /// Bound of dry friction at `velocity` under the transmitted `torque`.
     pub fn bound(&self, velocity: f64, torque: f64) -> f64 {
         let torque = torque.abs();

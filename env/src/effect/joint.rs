@@ -199,8 +199,9 @@ impl Model {
         outside: f64,
         (position, velocity, torque): (f64, f64, f64),
     ) {
+        let own = torque - memory.shift;
         if !self.transmission.is_split() {
-            memory.motor = torque - memory.shift;
+            memory.motor = own;
         }
         let input = if told.effort { told.torque } else { told.target };
         memory.targets.push(self.command.rounded(input));
@@ -218,10 +219,11 @@ impl Model {
         let target = self.command.beyond_dead_band(asked, at_motor);
         let (low, high) = (self.supply * *drive.torque_min, self.supply * *drive.torque_max);
         let stiffness = told.stiffness * self.sensor.scale * self.supply;
-        let transmitted = if self.friction.depends_on_load() {
-            memory.motor - self.armature * (velocity - memory.velocity) / self.dt
+        let transmitted = if self.transmission.is_split() {
+            // What turns the rotor never came to the joint.
+            own
         } else {
-            0.0
+            own - self.armature * (velocity - memory.velocity) / self.dt
         };
         let (rubs, pulls) = self.table.as_ref().map_or((0.0, 0.0), |table| {
             let value = table.torque(|variable| match variable {

@@ -179,6 +179,19 @@ fn friction_under_load_grows_with_the_load_and_is_more_at_rest() {
     assert!((0.0..known).contains(&missing), "{carried} of {load}, {known} known");
 }
 
+#[test]
+fn friction_under_load_is_none_while_the_motor_turns_within_play() {
+    // The rotor shakes between the teeth by what its own encoder says, and the arm swings under a push.
+    let free = [
+        (Kind::Backlash, &[2.0, 1.0, 0.0][..]),
+        (Kind::ExternalForce, &[0.1][..]),
+    ];
+    let rubbing = [&free[..], &[(Kind::LoadDependentFriction, &[0.9, 0.0, 0.0, 0.1][..])]].concat();
+    let [free, rubbing] = [&free[..], &rubbing].map(|effects| arm(&rig(effects), 2.0, |t| 0.5 * (20.0 * t).sin()));
+    assert!(free.iter().fold(0.0, |a: f64, q| a.max(*q)) > 0.3, "it swings");
+    assert_eq!(free, rubbing);
+}
+
 /// The rig with a table on its joint.
 fn with_table(table: Table) -> Robot {
     let mut robot = rig(&[]);

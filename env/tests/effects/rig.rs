@@ -44,6 +44,26 @@ pub fn rig(effects: &[(Kind, &[f64])]) -> Robot {
 
 /// Readings of `seconds` in steps of `dt` under `target(t)` from rest at zero.
 pub fn run(robot: &Robot, engine: &mut dyn Engine, dt: f64, seconds: f64, target: impl Fn(f64) -> f64) -> Vec<f64> {
+    let reading = |actuators: &Actuators, engine: &dyn Engine| actuators.read(0, 0, &engine.joints().position);
+    run_seeing(robot, engine, dt, seconds, target, reading)
+}
+
+/// Where the arm is in lanes at [`DT`], whatever its encoder says.
+pub fn arm(robot: &Robot, seconds: f64, target: impl Fn(f64) -> f64) -> Vec<f64> {
+    let mut engine = Lanes::new(robot, DT, 1, Simd::Scalar).expect("an engine");
+    let place = |_: &Actuators, engine: &dyn Engine| engine.joints().position[0];
+    run_seeing(robot, &mut engine, DT, seconds, target, place)
+}
+
+/// As [`run`], what is `seen` of each step.
+fn run_seeing(
+    robot: &Robot,
+    engine: &mut dyn Engine,
+    dt: f64,
+    seconds: f64,
+    target: impl Fn(f64) -> f64,
+    seen: impl Fn(&Actuators, &dyn Engine) -> f64,
+) -> Vec<f64> {
     let mut actuators = Actuators::new(robot, dt, 1);
     let ground = Friction {
         tangential: 1.0,
@@ -58,7 +78,7 @@ pub fn run(robot: &Robot, engine: &mut dyn Engine, dt: f64, seconds: f64, target
         actuators.set_target(0, 0, target(k as f64 * dt));
         engine.step(actuators.drive(engine.joints()));
         actuators.sense(engine.joints());
-        actuators.read(0, 0, &engine.joints().position)
+        seen(&actuators, engine)
     };
     (0..steps).map(step).collect()
 }

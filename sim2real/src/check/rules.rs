@@ -6,7 +6,7 @@ use omniwalk_env::robot::{Joint, Robot};
 use super::findings::{At, Findings};
 use super::{Fault, JointCheck, LogCheck, robot_joint};
 use crate::recording::overrides::{self, SUPPLY};
-use crate::recording::{Jump, Recording};
+use crate::recording::{CommandKind, Jump, Recording};
 
 /// Least range of motion, in units of noise or resolution, that is motion and not noise (six sigma each way).
 pub(super) const LEAST_RANGE: f64 = 12.0;
@@ -193,6 +193,10 @@ impl Findings {
             self.lost_commands(recording, at);
         }
         self.units(check, joint, at);
+        let own = recording.joints.iter().find(|own| own.name == check.name);
+        if own.is_some_and(|own| own.command_kind == CommandKind::Position) {
+            self.far_targets(check, at);
+        }
         self.signs(check, joint, at);
         self.switch(recording, check, at);
         if check.position.in_gaps > 0.5 {

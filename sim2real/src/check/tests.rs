@@ -8,7 +8,7 @@ use omniwalk_env::robot::{Base, Robot, load};
 
 use super::text::fixed;
 use super::*;
-use crate::recording::Series;
+use crate::recording::{CommandKind, Series};
 
 /// Two hinges, one below the other.
 const ARM: &str = r#"<robot name="arm"><link name="world"/>
@@ -192,6 +192,20 @@ fn positions_a_robot_cannot_have_and_no_logs_at_all_are_refused() {
     let check = Check::new(&[log], &arm());
     assert_eq!(check.refusals[0].fault, Fault::OutOfRange, "{check}");
     assert!(!Check::new(&[], &arm()).usable());
+}
+
+#[test]
+fn targets_that_stand_for_none_are_refused_and_efforts_may_be_large() {
+    let mut log = good(6.0);
+    log.joints[0].command.value[40] = -1e9;
+    let check = Check::new(std::slice::from_ref(&log), &arm());
+    assert_eq!(check.refusals[0].fault, Fault::OutOfRange, "{check}");
+    log.joints[0].command_kind = CommandKind::Effort;
+    let check = Check::new(&[log], &arm());
+    assert!(
+        check.refusals.iter().all(|own| own.fault != Fault::OutOfRange),
+        "{check}"
+    );
 }
 
 #[test]

@@ -19,10 +19,26 @@ const FACTORS: [(JointKind, f64, &str); 2] = [
 ];
 /// A ratio within this factor of one of those above is one of units.
 const NEAR: f64 = 2.0;
+/// Targets are no farther than this from where a joint is, rad or m: what is stands for none.
+const FARTHEST: f64 = 1e4;
 /// Velocity and slope of the position agree within this factor.
 const AGREE: f64 = 1.1;
 
 impl Findings {
+    /// Targets that no joint is meant to follow.
+    pub(super) fn far_targets(&mut self, check: &JointCheck, at: At<'_>) {
+        let ranges = check.command.range.zip(check.position.range);
+        let Some(([lowest, highest], [from, to])) = ranges else {
+            return;
+        };
+        if lowest < from - FARTHEST || highest > to + FARTHEST {
+            let message = format!(
+                "targets from {lowest:.3e} to {highest:.3e}, positions from {from:.3} to {to:.3}: where there is no command, log none"
+            );
+            self.refuse(Fault::OutOfRange, at, message);
+        }
+    }
+
     /// Positions beyond the limits, and ratios of about 57 between quantities that should agree.
     pub(super) fn units(&mut self, check: &JointCheck, joint: &Joint, at: At<'_>) {
         let factor = FACTORS.iter().find(|(kind, ..)| *kind == joint.kind);

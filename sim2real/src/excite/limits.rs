@@ -1,12 +1,12 @@
 //! What a robot on a stand may be told: room of each joint, overlaps, torque.
 
-use nalgebra::{IsometryMatrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use omniwalk_env::engine::GRAVITY;
 use omniwalk_env::robot::{Joint, JointKind, Kinematics, Robot};
 use omniwalk_env::task::overlap::Overlap;
 
 use super::wave::Room;
-use super::{COMMAND_RATE, Information};
+use super::{COMMAND_RATE, Information, apart};
 
 /// Share of a limit that is used.
 const MARGIN: f64 = 0.8;
@@ -38,7 +38,7 @@ impl<'r> Limits<'r> {
     pub fn new(robot: &'r Robot) -> Self {
         let mut limits = Self {
             robot,
-            overlap: Overlap::new(robot, 0.0),
+            overlap: Overlap::new(&apart::watched(robot), 0.0),
             middles: (0..robot.policy.len()).map(|i| middle(robot.policy_joint(i))).collect(),
             gravity: Vec::new(),
             inertia: Vec::new(),
@@ -95,7 +95,7 @@ impl<'r> Limits<'r> {
             amplitude,
             speed,
             acceleration: ACCELERATION_SHARE * left / self.inertia[joint],
-            jump: scale * MARGIN * left / motor.kp,
+            jump: scale * MARGIN * left / motor.stiffness(),
         }
     }
 
@@ -105,10 +105,7 @@ impl<'r> Limits<'r> {
         for at in (0..targets.len()).step_by(STRIDE) {
             self.pose(&mut kinematics, &targets[at]);
             let seconds = at as f64 / COMMAND_RATE;
-            let poses: Vec<IsometryMatrix3<f64>> = (0..self.robot.links.len())
-                .map(|link| kinematics.pose(link))
-                .map(|pose| IsometryMatrix3::from_parts(pose.translation, pose.rotation.to_rotation_matrix()))
-                .collect();
+            let poses = apart::poses(self.robot, &kinematics);
             if self.overlap.any(|link| &poses[link]) {
                 return Some(format!("links overlap at {seconds:.2} s"));
             }

@@ -5,6 +5,7 @@
 //! held, and all together. Amplitudes are such that position, speed and an estimate of the torque stay below the
 //! limits, and that no pair of links that the robot says may overlap does. The base is taken to be on a stand.
 
+mod apart;
 mod examine;
 mod limits;
 mod wave;

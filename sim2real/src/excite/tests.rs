@@ -134,6 +134,35 @@ fn links_that_may_overlap_are_kept_apart() {
 }
 
 #[test]
+fn an_arm_beside_a_column_is_kept_from_it_though_no_file_says_so() {
+    let link = |name: &str, z: f64, size: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="0 0 {z}"/><mass value="0.5"/><inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0 0 {z}"/><geometry><box size="{size}"/></geometry></collision></link>"#
+        )
+    };
+    let (column, arm) = (link("column", 0.0, "0.2 0.2 0.6"), link("arm", -0.15, "0.04 0.04 0.3"));
+    let joint = r#"<joint name="shoulder" type="revolute"><parent link="column"/><child link="arm"/><origin xyz="0.15 0 0.2"/><axis xyz="0 1 0"/>
+<limit lower="-1.5" upper="1.5" effort="20" velocity="8"/></joint>"#;
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("arm.urdf"),
+        format!("<robot name=\"arm\">{column}{arm}{joint}</robot>"),
+    )
+    .unwrap();
+    let toml =
+        "base = \"fixed\"\n[[joint]]\nmatch = [\"*\"]\nkp = 40.0\nkd = 1.0\ntorque_limit = 20.0\nspeed_limit = 8.0\n";
+    std::fs::write(folder.path().join("robot.toml"), toml).unwrap();
+    let robot = commanded(&load(folder.path()).unwrap());
+    // Three centimetres from the column, 0.3 m long and 4 cm thick, the arm is at it when it swings in by 0.1 rad.
+    let plan = Plan::new(&robot);
+    let targets = plan.motions.iter().flat_map(|motion| &motion.targets);
+    let inmost = targets.map(|targets| targets[0]).fold(0.0, f64::max);
+    assert!(plan.motions.len() >= 5, "{:?}", plan.notes);
+    assert!((0.02..0.11).contains(&inmost), "{inmost} rad");
+}
+
+#[test]
 fn joints_that_cannot_move_are_left_out_and_named() {
     let mut robot = robot("nimbro_op2x_small");
     let fixed = robot.policy[0];

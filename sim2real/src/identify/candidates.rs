@@ -6,7 +6,7 @@ use omniwalk_env::robot::{Actuator, Robot};
 
 use super::descent::{Descent, newton, sum};
 use super::fit::{Data, Fit, total};
-use super::model::{Model, Term, joint_of};
+use super::model::{Model, Term, Tuned, joint_of};
 use super::scales::Scales;
 
 /// An effect that may be missing, or more numbers of one that is there, with every start of its fit.
@@ -136,22 +136,20 @@ fn refined<'a>(term: &'a Term, scales: &'a Scales) -> impl Iterator<Item = Candi
 }
 
 fn applies(kind: Kind, target: usize, robot: &Robot, data: &Data, model: &Model) -> bool {
-    let tuned = model
-        .tuned
-        .iter()
-        .any(|own| own.dof == target && own.own.kind() == Some(kind));
+    let is_its = |own: &Tuned| own.dof == target && own.own.kind() == Some(kind);
+    if kind.info().site == Site::Joint && model.tuned.iter().any(is_its) {
+        return false;
+    }
     let efforts = || data.trials.iter().any(|trial| trial.told[target].effort);
     let actuator = || robot.dof(target).actuator;
     match kind {
         Kind::ResidualTorque => false,
         // The nominal parameters it scales are tuned already.
         Kind::SupplyVoltage => false,
-        Kind::TorqueLimit | Kind::SpeedTorqueCurve => !tuned && actuator().is_some(),
-        Kind::CommandDelay => actuator().is_some(),
+        Kind::TorqueLimit | Kind::SpeedTorqueCurve | Kind::CommandDelay => actuator().is_some(),
         Kind::CommandRateLimit | Kind::CommandDeadBand | Kind::CommandGain | Kind::CommandQuantisation => {
             actuator().is_some() && !efforts()
         }
-        Kind::CoulombFriction | Kind::ViscousFriction | Kind::Armature => !tuned,
         Kind::Backlash | Kind::Elasticity | Kind::LoadDependentFriction => {
             actuator().is_some_and(|a: Actuator| a.torque_limit > 0.0)
         }

@@ -73,7 +73,7 @@ pub fn sets(selector: &Selector<'_>, fit: &Fit, intervals: &[f64], left: &Leftov
             }
         }
         let name = &robot.dof(dof).name;
-        let numbers = Own::ALL.into_iter().filter(|own| scaled.contains(own));
+        let numbers = Own::OF_JOINT.into_iter().filter(|own| scaled.contains(own));
         let numbers = numbers.map(|own| format!("{} of {name}", own.key()));
         let kinds = effects
             .iter()

@@ -22,8 +22,8 @@ const QUIETEST: f64 = 1e-6;
 pub struct Information {
     /// The joint.
     pub joint: String,
-    /// The parameter's key.
-    pub parameter: &'static str,
+    /// What the parameter is called: a key of a joint, or an effect and its key.
+    pub parameter: String,
     /// Its nominal value.
     pub value: f64,
     /// Its unit.
@@ -45,16 +45,17 @@ pub fn information(robot: &Robot, data: &mut Data, model: &Model, scales: &Scale
     let told = told(&fisher);
     let small = DMatrix::from_fn(told.len(), told.len(), |a, b| fisher[(told[a], told[b])]);
     let inverse = small.cholesky().map(|factor| factor.inverse());
+    let scale: Vec<f64> = model.free(scales).iter().map(|free| free.scale).collect();
     let deviation = |i: usize| {
         let at = told.iter().position(|&own| own == i)?;
         let variance = inverse.as_ref()?[(at, at)];
-        Some(variance.max(0.0).sqrt() * model.tuned[i].nominal)
+        Some(variance.max(0.0).sqrt() * scale[i])
     };
     let of = |(i, tuned): (usize, &super::model::Tuned)| {
         let joint = robot.dof(tuned.dof);
         Information {
             joint: joint.name.clone(),
-            parameter: tuned.own.key(),
+            parameter: tuned.own.name(),
             value: tuned.nominal,
             unit: tuned.own.scale().unit(joint.kind == JointKind::Prismatic),
             deviation: deviation(i),

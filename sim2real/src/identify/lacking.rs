@@ -30,6 +30,8 @@ pub struct Predicted {
     pub by: String,
     /// Whether against the direction of motion: friction that varies.
     pub friction: bool,
+    /// Whether by its last 0.2 s, and not by what it is at the time: what is loose, swings or drags remembers.
+    pub past: bool,
     /// Share of the torque's square.
     pub share: f64,
 }
@@ -40,6 +42,7 @@ impl Lacking {
         let predicted = depends_on.iter().map(|own| Predicted {
             by: names[own.variable].clone(),
             friction: own.form == Form::Friction,
+            past: own.form == Form::Past,
             share: own.gain,
         });
         Self {

@@ -17,7 +17,7 @@ pub struct Tuned {
     pub dof: usize,
     /// Which.
     pub own: Own,
-    /// The nominal value, which is also its scale.
+    /// The nominal value; of a joint's own number it is also its scale.
     pub nominal: f64,
     /// Its value.
     pub value: f64,
@@ -90,6 +90,49 @@ pub struct Free {
 }
 
 impl Free {
+    /// A number that a joint has, in units of its nominal value.
+    fn of_joint(tuned: &Tuned) -> Self {
+        Self {
+            scale: tuned.nominal,
+            lower: if tuned.own == Own::Friction || tuned.own == Own::Damping {
+                0.0
+            } else {
+                0.02
+            },
+            upper: 50.0,
+            step: 2e-3 * (tuned.value / tuned.nominal).max(0.05),
+        }
+    }
+
+    /// Number `i` of the effect `kind` on `target`, which is `value`; beyond the catalogue's it is one of a table.
+    fn of_effect(kind: Kind, i: usize, target: usize, value: f64, scales: &Scales) -> Self {
+        let info = kind.info();
+        let Some(parameter) = info.parameters.get(i) else {
+            return Self::of_table(value, scales.of(Scale::Torque, info.site, target));
+        };
+        let scale = scales.of(parameter.scale, info.site, target);
+        let typical = match parameter.scale {
+            Scale::Time => 0.01,
+            _ => parameter.starts.iter().fold(0.02, |a: f64, s| a.max(s.abs())),
+        };
+        let near = (value / scale).abs();
+        let mut lower = parameter.bounds.lower / scale;
+        // Speeds, limits and frequencies of zero are no machine's.
+        if parameter.neutral.is_none() {
+            lower = lower.max(1e-3);
+        }
+        // What does not repeat within the range is no ripple.
+        if parameter.scale == Scale::Frequency {
+            lower = lower.max(FEWEST_CYCLES);
+        }
+        Self {
+            scale,
+            lower,
+            upper: (parameter.bounds.upper / scale).max(lower),
+            step: 5e-3 * near.max(0.1 * typical),
+        }
+    }
+
     /// A torque `value` of a table on a joint with so much torque.
     fn of_table(value: f64, scale: f64) -> Self {
         Self {
@@ -107,23 +150,21 @@ impl Model {
         let mut robot = robot.clone();
         let mut tuned = Vec::new();
         for d in 0..robot.dofs.len() {
-            let joint = robot.dofs[d];
             let efforts = trials.iter().all(|trial| trial.told[d].effort);
-            for own in Own::ALL {
+            for own in Own::all(&robot, d) {
                 // Gains mean nothing where torques are commanded.
                 if efforts && matches!(own, Own::KpScale | Own::Kd) {
                     continue;
                 }
-                match own.of(&mut robot.joints[joint]) {
-                    Some(value) if *value > 0.0 && *value < 1e6 => tuned.push(Tuned {
-                        dof: d,
-                        own,
-                        nominal: *value,
-                        value: *value,
-                        held: false,
-                    }),
-                    _ => {}
-                }
+                let is_set = |value: &f64| own.parameter().is_some() || *value > 0.0 && *value < 1e6;
+                let value = own.of(&mut robot, d).map(|value| *value).filter(is_set);
+                tuned.extend(value.map(|value| Tuned {
+                    dof: d,
+                    own,
+                    nominal: value,
+                    value,
+                    held: false,
+                }));
             }
         }
         Self {
@@ -134,44 +175,14 @@ impl Model {
 
     /// The fitted numbers in their order.
     pub fn free(&self, scales: &Scales) -> Vec<Free> {
-        let own = self.tuned.iter().filter(|tuned| !tuned.held).map(|tuned| Free {
-            scale: tuned.nominal,
-            lower: if tuned.own == Own::Friction || tuned.own == Own::Damping {
-                0.0
-            } else {
-                0.02
-            },
-            upper: 50.0,
-            step: 2e-3 * (tuned.value / tuned.nominal).max(0.05),
+        let own = self.tuned.iter().filter(|tuned| !tuned.held);
+        let own = own.map(|tuned| match tuned.own {
+            Own::OfEffect { kind, number } => Free::of_effect(kind, number, tuned.dof, tuned.value, scales),
+            _ => Free::of_joint(tuned),
         });
         let effects = self.terms.iter().filter(|term| !term.held).flat_map(|term| {
-            let info = term.kind.info();
-            term.free.iter().map(move |&i| {
-                let Some(parameter) = info.parameters.get(i) else {
-                    return Free::of_table(term.values[i], scales.of(Scale::Torque, info.site, term.target));
-                };
-                let scale = scales.of(parameter.scale, info.site, term.target);
-                let typical = match parameter.scale {
-                    Scale::Time => 0.01,
-                    _ => parameter.starts.iter().fold(0.02, |a: f64, s| a.max(s.abs())),
-                };
-                let near = (term.values[i] / scale).abs();
-                let mut lower = parameter.bounds.lower / scale;
-                // Speeds, limits and frequencies of zero are no machine's.
-                if parameter.neutral.is_none() {
-                    lower = lower.max(1e-3);
-                }
-                // What does not repeat within the range is no ripple.
-                if parameter.scale == Scale::Frequency {
-                    lower = lower.max(FEWEST_CYCLES);
-                }
-                Free {
-                    scale,
-                    lower,
-                    upper: (parameter.bounds.upper / scale).max(lower),
-                    step: 5e-3 * near.max(0.1 * typical),
-                }
-            })
+            let of = |&i: &usize| Free::of_effect(term.kind, i, term.target, term.values[i], scales);
+            term.free.iter().map(of)
         });
         own.chain(effects).collect()
     }
@@ -232,8 +243,7 @@ impl Model {
     pub fn robot(&self, robot: &Robot) -> Robot {
         let mut robot = robot.clone();
         for tuned in &self.tuned {
-            let joint = robot.dofs[tuned.dof];
-            if let Some(value) = tuned.own.of(&mut robot.joints[joint]) {
+            if let Some(value) = tuned.own.of(&mut robot, tuned.dof) {
                 *value = tuned.value;
             }
         }

@@ -284,8 +284,8 @@ fn alternatives(parts: &Parts<'_>, alike: &super::select::Alike) -> Vec<Alternat
 }
 
 /// What the nominal model has as it was written: with the effects, or beside a table.
-fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Parameter>> {
-    let mut out: BTreeMap<String, BTreeMap<&'static str, Parameter>> = BTreeMap::new();
+fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<String, Parameter>> {
+    let mut out: BTreeMap<String, BTreeMap<String, Parameter>> = BTreeMap::new();
     let written = &parts.found.left.model;
     for (tuned, &half) in written.tuned.iter().zip(&parts.found.intervals) {
         let joint = parts.robot.dof(tuned.dof);
@@ -300,7 +300,7 @@ fn retuned(parts: &Parts<'_>) -> BTreeMap<String, BTreeMap<&'static str, Paramet
         };
         out.entry(joint.name.clone())
             .or_default()
-            .insert(tuned.own.key(), value);
+            .insert(tuned.own.name(), value);
     }
     out
 }

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use omniwalk_env::effect::{self, Effect, Kind, Scale};
-use omniwalk_env::robot::{Joint, Robot};
+use omniwalk_env::effect::{self, Effect, Kind, Parameter, Scale};
+use omniwalk_env::robot::Robot;
 
 use super::model::Model;
 pub(super) use crate::recording::overrides::PAYLOAD;
@@ -26,11 +26,18 @@ pub enum Own {
     Damping,
     /// Dry friction.
     Friction,
+    /// A number of an effect that the robot's files have.
+    OfEffect {
+        /// Which effect.
+        kind: Kind,
+        /// Which of its numbers, in the catalogue's order.
+        number: usize,
+    },
 }
 
 impl Own {
-    /// All of them.
-    pub const ALL: [Self; 7] = [
+    /// Those that joints have without effects.
+    pub const OF_JOINT: [Self; 7] = [
         Self::KpScale,
         Self::Kd,
         Self::TorqueLimit,
@@ -40,9 +47,43 @@ impl Own {
         Self::Friction,
     ];
 
-    /// Its key in a robot's TOML.
+    /// Those of degree of freedom `dof` of `robot`, and of the effects there. What is measured (a supply's voltage), what is no number (a table)
+    /// and what does nothing as it is are left as they are; so are masses and loads, which are parts of their links once a robot is read.
+    pub fn all(robot: &Robot, dof: usize) -> Vec<Self> {
+        let own = robot.effects.iter().filter(|effect| {
+            effect.kind.runs() && effect.target == dof && effect.table.is_none() && effect.kind != Kind::SupplyVoltage
+        });
+        let numbers = own.flat_map(|effect| {
+            let parameters = effect.kind.info().parameters.iter().zip(&effect.values).enumerate();
+            let told = parameters.filter(|(_, (own, value))| !own.starts.is_empty() && own.neutral != Some(**value));
+            told.map(|(number, _)| Self::OfEffect {
+                kind: effect.kind,
+                number,
+            })
+        });
+        Self::OF_JOINT.into_iter().chain(numbers).collect()
+    }
+
+    /// Its parameter in the catalogue, of a number of an effect.
+    pub fn parameter(self) -> Option<&'static Parameter> {
+        match self {
+            Self::OfEffect { kind, number } => kind.info().parameters.get(number),
+            _ => None,
+        }
+    }
+
+    /// What it is called: a key of a joint in a robot's TOML, or an effect and its key.
+    pub fn name(self) -> String {
+        match (self, self.parameter()) {
+            (Self::OfEffect { kind, .. }, Some(parameter)) => format!("{}.{}", kind.id(), parameter.name),
+            _ => self.key().to_owned(),
+        }
+    }
+
+    /// Its key in a robot's TOML, in the entry of its joint or its effect.
     pub fn key(self) -> &'static str {
         match self {
+            Self::OfEffect { .. } => self.parameter().map_or("", |parameter| parameter.name),
             Self::KpScale => "kp_scale",
             Self::Kd => "kd",
             Self::TorqueLimit => "torque_limit",
@@ -61,12 +102,19 @@ impl Own {
             Self::TorqueLimit | Self::Friction => Scale::Torque,
             Self::SpeedLimit => Scale::Speed,
             Self::Armature => Scale::Inertia,
+            Self::OfEffect { .. } => self.parameter().map_or(Scale::One, |parameter| parameter.scale),
         }
     }
 
-    /// Where it stands in a joint.
-    pub fn of(self, joint: &mut Joint) -> Option<&mut f64> {
+    /// Where it stands, on degree of freedom `dof` of a robot.
+    pub fn of(self, robot: &mut Robot, dof: usize) -> Option<&mut f64> {
+        let joint = &mut robot.joints[robot.dofs[dof]];
         match self {
+            Self::OfEffect { kind, number } => {
+                let mut effects = robot.effects.iter_mut();
+                let own = effects.find(|effect| (effect.kind, effect.target) == (kind, dof))?;
+                own.values.get_mut(number)
+            }
             Self::Armature => Some(&mut joint.passive.armature),
             Self::Damping => Some(&mut joint.passive.damping),
             Self::Friction => Some(&mut joint.passive.friction),
@@ -82,7 +130,7 @@ impl Own {
         }
     }
 
-    /// The effect whose value it is.
+    /// The effect whose value, or of which a number, it is.
     pub fn kind(self) -> Option<Kind> {
         match self {
             Self::TorqueLimit => Some(Kind::TorqueLimit),
@@ -90,6 +138,7 @@ impl Own {
             Self::Armature => Some(Kind::Armature),
             Self::Damping => Some(Kind::ViscousFriction),
             Self::Friction => Some(Kind::CoulombFriction),
+            Self::OfEffect { kind, .. } => Some(kind),
             Self::KpScale | Self::Kd => None,
         }
     }
@@ -176,11 +225,10 @@ fn place<'r>(robot: &'r mut Robot, d: usize, name: &str) -> Option<&'r mut f64> 
         let own = effects.find(|e| e.kind == Kind::SupplyVoltage && e.target == d)?;
         return own.values.first_mut();
     }
-    let joint = &mut robot.joints[robot.dofs[d]];
     if name == "kp" {
-        return Some(&mut joint.actuator.as_mut()?.kp);
+        return Some(&mut robot.joints[robot.dofs[d]].actuator.as_mut()?.kp);
     }
-    Own::ALL.into_iter().find(|own| own.key() == name)?.of(joint)
+    Own::OF_JOINT.into_iter().find(|own| own.key() == name)?.of(robot, d)
 }
 
 #[cfg(test)]

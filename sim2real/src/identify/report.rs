@@ -212,7 +212,7 @@ pub struct Outcome {
     /// Measured tables in the robot that was written.
     pub tables: Vec<MeasuredTable>,
     /// Re-tuned parameters of the nominal model as they were written, by joint and key; beside a table without intervals.
-    pub retuned: BTreeMap<String, BTreeMap<&'static str, Parameter>>,
+    pub retuned: BTreeMap<String, BTreeMap<String, Parameter>>,
     /// Which logs were held out.
     pub heldout: String,
     /// What the folds of the cross-validation are.

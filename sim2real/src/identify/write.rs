@@ -1,5 +1,6 @@
 //! The robot with its effects, as files: the URDF as it was, and the TOML with entries behind what was there.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -8,6 +9,7 @@ use omniwalk_env::robot::can_vary;
 
 use super::found::Found;
 use super::model::Model;
+use super::own::Own;
 use super::{IdentifyError, Task};
 
 /// Writes the robot with what was found into `robot/` of the task's folder; returns that folder.
@@ -22,7 +24,7 @@ pub fn extended(task: &Task<'_>, found: &Found) -> Result<PathBuf, IdentifyError
     // Always of one name: a folder that holds another robot's from before would hold two.
     std::fs::copy(urdf, folder.join("robot.urdf")).map_err(failed(urdf))?;
     let mut text = match toml {
-        Some(toml) => std::fs::read_to_string(toml).map_err(failed(toml))?,
+        Some(toml) => extensible(std::fs::read_to_string(toml).map_err(failed(toml))?),
         None => String::new(),
     };
     text += "\n# Identified from logs.\n";
@@ -31,6 +33,16 @@ pub fn extended(task: &Task<'_>, found: &Found) -> Result<PathBuf, IdentifyError
     let path = folder.join("robot.toml");
     std::fs::write(&path, text).map_err(failed(&path))?;
     Ok(folder)
+}
+
+/// The TOML `text` in a form to which entries can be added behind its end: written anew, without its comments, where it has lists in one line in
+/// their place (`joint = [{ ... }]`).
+fn extensible(text: String) -> String {
+    let extended = format!("{text}\n[[joint]]\n[[effect]]\n[[range]]\n");
+    match toml::from_str::<toml::Table>(&text) {
+        Ok(own) if toml::from_str::<toml::Table>(&extended).is_err() => own.to_string(),
+        _ => text,
+    }
 }
 
 /// The intervals of the effects that were found, for training to draw from.
@@ -89,7 +101,13 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
         None => String::new(),
     };
     let mut last = None;
+    let mut of_effects: BTreeMap<(usize, Kind), BTreeMap<usize, String>> = BTreeMap::new();
     for tuned in &model.tuned {
+        if let Own::OfEffect { kind, number } = tuned.own {
+            let said = of_effects.entry((tuned.dof, kind)).or_default();
+            said.insert(number, comment());
+            continue;
+        }
         if last != Some(tuned.dof) {
             let joint = robot.dof(tuned.dof);
             let _ = write!(out, "\n[[joint]]\nmatch = [{}]\n", quoted(&joint.name));
@@ -104,6 +122,13 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
             (interval, false) => interval,
         };
         let _ = writeln!(out, "{} = {:?}{said}", tuned.own.key(), tuned.value);
+    }
+    for effect in model.robot(robot).effects {
+        if let Some(said) = of_effects.get(&(effect.target, effect.kind)) {
+            let name = quoted(&robot.dof(effect.target).name);
+            let said = |i: usize| said.get(&i).cloned().unwrap_or_default();
+            out += &effect_entry(effect.kind, &name, &effect.values, said);
+        }
     }
     for term in &model.terms {
         let info = term.kind.info();
@@ -121,15 +146,14 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
                 );
             }
             Place::Table => {
-                let _ = write!(out, "\n[[effect]]\nid = {:?}\nmatch = [{name}]\n", info.id);
-                for (i, parameter) in info.parameters.iter().enumerate() {
-                    let said = if term.free.contains(&i) {
+                let said = |i: usize| {
+                    if term.free.contains(&i) {
                         comment()
                     } else {
                         String::new()
-                    };
-                    let _ = writeln!(out, "{} = {:?}{said}", parameter.name, term.values[i]);
-                }
+                    }
+                };
+                out += &effect_entry(term.kind, &name, &term.values, said);
             }
         }
         if let Some(table) = term.effect().table {
@@ -147,6 +171,16 @@ fn entries(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
     out
 }
 
+/// The entry of the effect `kind` on what is called `name`, a string of TOML, with the comments that are `said` of its `values`.
+fn effect_entry(kind: Kind, name: &str, values: &[f64], mut said: impl FnMut(usize) -> String) -> String {
+    let info = kind.info();
+    let mut out = format!("\n[[effect]]\nid = {:?}\nmatch = [{name}]\n", info.id);
+    for (i, (parameter, value)) in info.parameters.iter().zip(values).enumerate() {
+        let _ = writeln!(out, "{} = {value:?}{}", parameter.name, said(i));
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,6 +190,18 @@ mod tests {
         parameters
             .find(|parameter| parameter.name == name)
             .expect("a parameter")
+    }
+
+    #[test]
+    fn entries_can_follow_whatever_form_the_robot_s_own_have() {
+        let in_one_line = "base = \"fixed\"\njoint = [{ match = [\"*\"], kp = 3.0 }]\n";
+        let own: toml::Table = toml::from_str(in_one_line).expect("TOML");
+        let text = extensible(in_one_line.to_owned());
+        assert_eq!(toml::from_str::<toml::Table>(&text).expect("the same"), own);
+        let extended: toml::Table = toml::from_str(&(text + "\n[[joint]]\nkp = 4.0\n")).expect("TOML");
+        assert_eq!(extended["joint"].as_array().map(Vec::len), Some(2));
+        let commented = "# As sold.\n[[joint]]\nkp = 3.0\n";
+        assert_eq!(extensible(commented.to_owned()), commented);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use omniwalk_env::effect::{self, Effect, Kind, Table, Variable};
 use omniwalk_env::robot::{self, Base, Robot};
 use omniwalk_sim2real::identify::{Outcome, Verdict, replay};
 use omniwalk_sim2real::recording::{Recording, Series};
-use rig::{LIMITS_ALONE, RIG, identify, identify_files, identify_files_aloud, identify_into, load, logs, rig};
+use rig::{LIMITS_ALONE, PUSHED, RIG, identify, identify_files, identify_files_aloud, identify_into, load, logs, rig};
 
 /// Logs that are fitted: one of each kind of motion, and another triangle.
 const LOGS: u64 = 3;
@@ -60,6 +60,35 @@ fn a_stiffness_that_was_guessed_from_the_limit_stays_where_the_limit_is_another(
     assert_eq!(written.kp, nominal.kp);
     let [refit, last] = [&outcome.refit, &outcome.last].map(|errors| errors.fit.overall());
     assert!(last < 1.1 * refit, "{last} {refit}");
+}
+
+#[test]
+fn effects_that_the_robot_has_are_re_tuned_and_not_missing() {
+    let nominal = load(PUSHED);
+    let mut truth = nominal.clone();
+    effect::apply(&mut truth, &Effect::new(Kind::CommandDelay, 0, &[0.025]));
+    effect::apply(&mut truth, &Effect::new(Kind::ExternalForce, 0, &[0.08]));
+    let folder = tempfile::tempdir().expect("a folder");
+    let heldout = Some(logs(&truth, 2, 100));
+    let outcome = identify_files(folder.path(), PUSHED, &nominal, logs(&truth, LOGS, 1), heldout);
+    assert_eq!(outcome.verdict, Verdict::NoMissingEffect, "{:?}", named(&outcome));
+    let [delay, push] = ["command_delay.time", "external_force.torque"].map(|key| outcome.retuned["hinge"][key].value);
+    assert!(
+        (delay - 0.025).abs() < 1e-3 && (push - 0.08).abs() < 0.01,
+        "{delay} {push}"
+    );
+    let written = robot::load(&folder.path().join("robot")).expect("a robot").effects;
+    let of = |kind| {
+        written
+            .iter()
+            .filter(|own| own.kind == kind)
+            .map(|own| own.values[0])
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        (of(Kind::CommandDelay), of(Kind::ExternalForce)),
+        (vec![delay], vec![push])
+    );
 }
 
 /// Whether `kind` with `values` is named, alone, and its first value found.

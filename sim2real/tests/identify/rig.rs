@@ -26,6 +26,13 @@ pub const LIMITS_ALONE: Files = (
     "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\ndamping = 0.02\nfriction = 0.04\n",
 );
 
+/// The same rig, of which is known that its commands are late, and pushed.
+pub const PUSHED: Files = (
+    URDF,
+    "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\nkp = 3.0\nkd = 0.05\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\ndamping = 0.02\nfriction = 0.04\n\
+        [[effect]]\nid = \"command_delay\"\nmatch = [\"hinge\"]\ntime = 0.01\n[[effect]]\nid = \"external_force\"\nmatch = [\"hinge\"]\ntorque = -0.05\n",
+);
+
 /// Writes the files of a robot into `folder`.
 fn write(folder: &Path, (urdf, toml): Files) {
     std::fs::write(folder.join("rig.urdf"), urdf).expect("written");

@@ -50,7 +50,13 @@ impl Selector<'_> {
         else {
             return false;
         };
-        for (k, other) in set.others.iter().enumerate().filter(|(_, own)| !doubted.contains(own)) {
+        for (k, other) in set
+            .others
+            .clone()
+            .into_iter()
+            .enumerate()
+            .filter(|(_, own)| !doubted.contains(own))
+        {
             let mut model = selection.last.model.clone();
             let there = &set.models[k];
             model.tuned.clone_from(&there.tuned);
@@ -59,7 +65,11 @@ impl Selector<'_> {
             if self.doubts(&fit.model)[i].is_some_and(|doubt| doubt <= CERTAIN) {
                 let gone = std::mem::replace(&mut selection.last, fit);
                 set.values[k].clone_from(&gone.model.terms[i].values);
-                (set.models[k], set.others[k], set.chosen) = (gone.model, set.chosen, *other);
+                let taken = set.others[k];
+                (set.models[k], set.others[k], set.chosen) = (gone.model, set.chosen, taken);
+                let gone = set.others[k];
+                selection.rejected.retain(|own| (own.kind, own.target) != taken);
+                selection.note_gone(gone, "");
                 return true;
             }
         }

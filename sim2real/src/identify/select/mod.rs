@@ -124,6 +124,18 @@ impl Selection {
         self
     }
 
+    /// Notes that `own` is in the model no more, and why; without a reason where it is in a set with one that is.
+    fn note_gone(&mut self, (kind, target): (Kind, usize), reason: &str) {
+        self.rejected.push(Rejected {
+            kind,
+            target,
+            gain: Gain::NONE,
+            most: 0.0,
+            at_best: None,
+            reason: reason.to_owned(),
+        });
+    }
+
     /// Takes out the effects of which `out` says so, and the sets that they stand for; `without` is the fit to the others.
     fn take_out(&mut self, out: &dyn Fn(&Term) -> bool, without: Fit, reason: &str) {
         let terms = std::mem::replace(&mut self.last, without).model.terms;
@@ -131,14 +143,7 @@ impl Selection {
         self.p_values.retain(|_| kept.next().unwrap_or(true));
         for Term { kind, target, .. } in terms.iter().filter(|term| out(term)) {
             self.alike.retain(|alike| alike.chosen != (*kind, *target));
-            self.rejected.push(Rejected {
-                kind: *kind,
-                target: *target,
-                gain: Gain::NONE,
-                most: 0.0,
-                at_best: None,
-                reason: reason.to_owned(),
-            });
+            self.note_gone((*kind, *target), reason);
         }
     }
 }
