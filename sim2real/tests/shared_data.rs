@@ -156,9 +156,31 @@ fn friction_that_the_axis_shows_is_missing_in_its_model() {
     let outcome = identified("emps", logs, None);
     // Beside a constant force friction of both directions and that of one are the same.
     assert_eq!(outcome.verdict, Verdict::Indistinguishable);
-    assert_eq!(outcome.indistinguishable, [["coulomb_friction", "directional_friction"]]);
+    assert_eq!(
+        outcome.indistinguishable,
+        [["coulomb_friction", "directional_friction"]]
+    );
     assert!(outcome.retuned["carriage"].contains_key("external_force.torque"));
     assert!(outcome.last.heldout.overall() < 0.6 * outcome.refit.heldout.overall());
+}
+
+#[test]
+fn friction_under_load_is_named_of_a_measured_servo_and_helps_at_a_gain_that_was_not_fitted() {
+    let Some(mut logs) = recordings("bam_xl330", "bam_xl330.toml") else {
+        return;
+    };
+    let of = |log: &Recording, label: &str, values: &[&str]| values.contains(&log.groups[label].as_str());
+    logs.retain(|log| of(log, "trajectory", &["sin_sin", "up_and_down"]) && of(log, "gain", &["200", "400", "800"]));
+    let (heldout, logs): (Vec<Recording>, Vec<Recording>) = logs.into_iter().partition(|log| of(log, "gain", &["400"]));
+    assert_eq!((heldout.len(), logs.len()), (2, 4));
+    let outcome = identified("xl330_rig", logs, Some(heldout));
+    let names: Vec<&str> = outcome.accepted.iter().map(|own| own.effect).collect();
+    assert_eq!(
+        (names, outcome.verdict),
+        (vec!["load_dependent_friction"], Verdict::Unexplained)
+    );
+    let [nominal, refit, last] = [&outcome.nominal, &outcome.refit, &outcome.last].map(|sets| sets.heldout.overall());
+    assert!(refit < 0.5 * nominal && last < 0.95 * refit, "{nominal} {refit} {last}");
 }
 
 #[test]
