@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use omniwalk_env::effect::{Kind, Parameter, Place, Site};
-use omniwalk_env::robot::can_vary;
+use omniwalk_env::robot::{EffectRange, can_vary};
 
 use super::found::Found;
 use super::model::Model;
@@ -30,6 +30,7 @@ pub fn extended(task: &Task<'_>, found: &Found) -> Result<PathBuf, IdentifyError
     text += "\n# Identified from logs.\n";
     text += &entries(task, &found.left.model, &found.intervals);
     text += &ranges(task, &found.last, &found.intervals);
+    text += &moved_ranges(task, &found.left.model, &found.intervals);
     let path = folder.join("robot.toml");
     std::fs::write(&path, text).map_err(failed(&path))?;
     Ok(folder)
@@ -62,6 +63,29 @@ fn ranges(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
             let [lower, upper] = drawn(&info.parameters[i], term.values[i], half);
             let _ = writeln!(out, "{} = [{lower:?}, {upper:?}]", info.parameters[i].name);
         }
+    }
+    out
+}
+
+/// Ranges that the robot has, about what their numbers were re-tuned to: the old ones would take these back.
+fn moved_ranges(task: &Task<'_>, model: &Model, intervals: &[f64]) -> String {
+    let mut out = String::new();
+    for (tuned, &half) in model.tuned.iter().zip(intervals) {
+        let Some(kind) = tuned.own.kind() else { continue };
+        let number = match tuned.own {
+            Own::OfEffect { number, .. } => number,
+            _ => 0,
+        };
+        let is_its = |own: &EffectRange| (own.kind, own.target, own.parameter) == (kind, tuned.dof, number);
+        if !task.robot.ranges.iter().any(is_its) {
+            continue;
+        }
+        let parameter = &kind.info().parameters[number];
+        let is_told = half.is_finite() && !model.has(Kind::ResidualTorque, tuned.dof);
+        let [lower, upper] = drawn(parameter, tuned.value, if is_told { half } else { 0.0 });
+        let name = quoted(&task.robot.dof(tuned.dof).name);
+        let _ = write!(out, "\n[[range]]\nid = {:?}\nmatch = [{name}]\n", kind.id());
+        let _ = writeln!(out, "{} = [{lower:?}, {upper:?}]", parameter.name);
     }
     out
 }

@@ -77,9 +77,10 @@ fn effects_that_the_robot_has_are_re_tuned_and_not_missing() {
         (delay - 0.025).abs() < 1e-3 && (push - 0.08).abs() < 0.01,
         "{delay} {push}"
     );
-    let written = robot::load(&folder.path().join("robot")).expect("a robot").effects;
+    let written = robot::load(&folder.path().join("robot")).expect("a robot");
     let of = |kind| {
         written
+            .effects
             .iter()
             .filter(|own| own.kind == kind)
             .map(|own| own.values[0])
@@ -88,6 +89,12 @@ fn effects_that_the_robot_has_are_re_tuned_and_not_missing() {
     assert_eq!(
         (of(Kind::CommandDelay), of(Kind::ExternalForce)),
         (vec![delay], vec![push])
+    );
+    // What training draws it from moves with it: the last range counts.
+    let drawn = written.ranges.last().expect("a range");
+    assert!(
+        drawn.kind == Kind::ExternalForce && drawn.lower < push && push < drawn.upper,
+        "{drawn:?}"
     );
 }
 

@@ -30,7 +30,8 @@ pub const LIMITS_ALONE: Files = (
 pub const PUSHED: Files = (
     URDF,
     "base = \"fixed\"\n[[joint]]\nmatch = [\"hinge\"]\nkp = 3.0\nkd = 0.05\ntorque_limit = 1.5\nspeed_limit = 12.0\narmature = 0.003\ndamping = 0.02\nfriction = 0.04\n\
-        [[effect]]\nid = \"command_delay\"\nmatch = [\"hinge\"]\ntime = 0.01\n[[effect]]\nid = \"external_force\"\nmatch = [\"hinge\"]\ntorque = -0.05\n",
+        [[effect]]\nid = \"command_delay\"\nmatch = [\"hinge\"]\ntime = 0.01\n[[effect]]\nid = \"external_force\"\nmatch = [\"hinge\"]\ntorque = -0.05\n\
+        [[range]]\nid = \"external_force\"\nmatch = [\"hinge\"]\ntorque = [-0.06, -0.04]\n",
 );
 
 /// Writes the files of a robot into `folder`.
