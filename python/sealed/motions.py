@@ -9,6 +9,7 @@ import numpy as np
 
 Motion = Callable[[float], float]
 
+
 def motion(shape: str, rng: np.random.Generator, middle: float, amplitude: float, duration: float) -> Motion:
     """A target over time (s) that starts at `middle` and stays within `amplitude` (rad) of it."""
     return {"chirp": _chirp, "multisine": _multisine, "triangle": _triangle, "steps": _steps, "swell": _swell}[shape](

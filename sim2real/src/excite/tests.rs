@@ -134,6 +134,24 @@ fn links_that_may_overlap_are_kept_apart() {
 }
 
 #[test]
+fn targets_jump_by_what_a_stiffer_servo_can_do() {
+    let jump = |kp_scale: f64| {
+        let mut robot = robot("pendulum");
+        for joint in &mut robot.joints {
+            joint.actuator.as_mut().unwrap().kp_scale = kp_scale;
+        }
+        let plan = Plan::new(&robot);
+        let jumps = plan.motions.iter().flat_map(|motion| &motion.information);
+        jumps.map(|own| own.jump).fold(0.0, f64::max)
+    };
+    let (nominal, stiff) = (jump(1.0), jump(2.0));
+    assert!(
+        nominal > 0.0 && (2.0 * stiff / nominal - 1.0).abs() < 1e-9,
+        "{stiff} of {nominal}"
+    );
+}
+
+#[test]
 fn an_arm_beside_a_column_is_kept_from_it_though_no_file_says_so() {
     let link = |name: &str, z: f64, size: &str| {
         format!(
